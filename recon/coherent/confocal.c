@@ -165,6 +165,7 @@ static void confocal_reset(void *state)
 
 const struct imager_method method_confocal = {
     .name = "confocal",
+    .clips = true,
     .create = confocal_create,
     .add = confocal_add,
     .image = confocal_image,
@@ -174,6 +175,7 @@ const struct imager_method method_confocal = {
 
 const struct imager_method method_lct = {
     .name = "lct",
+    .clips = true,
     .create = lct_create,
     .add = confocal_add,
     .image = confocal_image,

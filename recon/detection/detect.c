@@ -10,6 +10,7 @@
 #include "recon/detection/detect_learn.h"
 #include "recon/detection/peak.h"
 #include "recon/detection/regions.h"
+#include "recon/imaging/imager.h"
 
 #define NOISE_SAMPLES 65536
 #define LEAST_IMAGED  0.2  /* of a volume */
@@ -43,10 +44,14 @@ void detect_config_default(struct detect_config *cfg)
                                   .cluster_m = 0.10};
 }
 
-void detect_config_isolated(struct detect_config *cfg, const struct grid *grid)
+void detect_config_method(struct detect_config *cfg, const char *method,
+                          const struct grid *grid)
 {
     double touch_m = 0.0;
 
+    cfg->clipped = imager_clips(method);
+    if (!imager_isolates(method))
+        return;
     for (int a = 0; a < 3; a++)
         touch_m = hypot(touch_m, grid->n[a] > 1 ? grid->step_m[a] : 0.0);
     cfg->cluster_m = fmin(cfg->cluster_m, TOUCH * touch_m);
@@ -94,8 +99,25 @@ static int noise_floor(const float *volume, size_t n, bool gated, double *out)
     return 0;
 }
 
-/* An object of many voxels stands in the middle of what is seen of it, which is no middle
- * where it goes on beyond the grid. */
+/* Is all 0 from beside the region to the grid's end, along a line through its peak: does
+ * what was imaged end with it? */
+static bool ends_with(const struct search *s, const struct region *r, int axis, int far)
+{
+    const struct grid *g = s->grid;
+    const size_t stride[3] = {1, g->n[0], g->n[0] * g->n[1]};
+    size_t at[3];
+
+    grid_place(g, r->peak, at);
+    size_t line = r->peak - at[axis] * stride[axis];
+    size_t first = far ? r->high[axis] + 1 : 0, end = far ? g->n[axis] : r->low[axis];
+    for (size_t i = first; i < end; i++)
+        if (s->volume[line + i * stride[axis]] > 0.0f)
+            return false;
+    return first == end || (s->gated && !s->cfg->followed);
+}
+
+/* An object of many voxels stands in the middle of what is seen of it; where that goes on
+ * beyond the grid it is no middle, and along the other axes anywhere in it. */
 static void place_extended(const struct search *s, const struct region *r,
                            struct detection *d)
 {
@@ -103,19 +125,21 @@ static void place_extended(const struct search *s, const struct region *r,
     const struct grid *g = s->grid;
 
     memset(d->covariance_m2, 0, sizeof d->covariance_m2);
+    for (int a = 0; a < 3; a++)
+        for (int far = 0; far <= 1; far++)
+            if (g->n[a] > 1 && ends_with(s, r, a, far))
+                d->at_border |= PEAK_BORDER(a, far);
     for (int a = 0; a < 3; a++) {
-        if (g->n[a] > 1 && r->low[a] == 0)
-            d->at_border |= PEAK_BORDER(a, 0);
-        if (g->n[a] > 1 && r->high[a] + 1 == g->n[a])
-            d->at_border |= PEAK_BORDER(a, 1);
         bool known = g->n[a] > 1 &&
                      !(d->at_border & (PEAK_BORDER(a, 0) | PEAK_BORDER(a, 1)));
-        d->covariance_m2[diagonal[a]] = known ? g->step_m[a] * g->step_m[a] / 12.0
-                                              : PEAK_UNKNOWN_M * PEAK_UNKNOWN_M;
         double middle = a < 2 ? 0.5 * (double)(r->low[a] + r->high[a])
                               : r->moment[a] / r->sum;
         d->position_m[a] = g->origin_m[a] + g->step_m[a] * middle;
         d->extent_m[a] = g->step_m[a] * (double)(r->high[a] - r->low[a] + 1);
+        double within_m = d->at_border && !s->cfg->followed ? d->extent_m[a]
+                                                            : g->step_m[a];
+        d->covariance_m2[diagonal[a]] = known ? within_m * within_m / 12.0
+                                              : PEAK_UNKNOWN_M * PEAK_UNKNOWN_M;
     }
 }
 
@@ -133,6 +157,20 @@ static void place_seen(const struct search *s, const struct region *r,
             d->covariance_m2[element[a][b]] = 0.0;
         d->covariance_m2[element[a][a]] = seen_m * seen_m / 12.0;
     }
+}
+
+/* What stands beyond an end in depth shows where the front of its echo crosses that: so
+ * far aside as a sphere falls back by a point's depth. */
+static void open_sideways(const struct search *s, struct detection *d)
+{
+    double depth_m = s->cfg->resolution_m[2] > 0.0 ? s->cfg->resolution_m[2]
+                                                   : POINT_VOXELS * s->grid->step_m[2];
+    double range_m = hypot(hypot(d->position_m[0], d->position_m[1]), d->position_m[2]);
+
+    if (!(d->at_border & (PEAK_BORDER(2, 0) | PEAK_BORDER(2, 1))))
+        return;
+    d->covariance_m2[0] += 2.0 * range_m * depth_m;
+    d->covariance_m2[3] += 2.0 * range_m * depth_m;
 }
 
 static void add_model_errors(const struct search *s, struct detection *d)
@@ -196,6 +234,9 @@ static void describe(const struct search *s, const struct region *r, double stro
     struct peak_fit fit;
     double body_m[3];
     bool point = true;
+    enum peak_zero zero = !s->gated         ? PEAK_ZERO_EMPTY
+                          : s->cfg->clipped ? PEAK_ZERO_CLIPPED
+                                            : PEAK_ZERO_UNSEEN;
     for (int a = 0; a < 3; a++) {
         double width_m = s->cfg->resolution_m[a] > 0.0 ? s->cfg->resolution_m[a]
                                                        : POINT_VOXELS * g->step_m[a];
@@ -204,7 +245,7 @@ static void describe(const struct search *s, const struct region *r, double stro
         if (!s->cfg->followed && (r->low[a] == 0 || r->high[a] + 1 == g->n[a]))
             body_m[a] = INFINITY;
     }
-    peak_fit(g, s->volume, r->peak, peak / floor, s->gated, body_m, &fit);
+    peak_fit(g, s->volume, r->peak, peak / floor, zero, body_m, &fit);
     memcpy(d->position_m, fit.position_m, sizeof d->position_m);
     memcpy(d->covariance_m2, fit.covariance_m2, sizeof d->covariance_m2);
     d->at_border = fit.at_border;
@@ -212,6 +253,8 @@ static void describe(const struct search *s, const struct region *r, double stro
         place_extended(s, r, d);
     if (s->cfg->followed)
         place_seen(s, r, d);
+    else
+        open_sideways(s, d);
     add_model_errors(s, d);
     d->level_db = 10.0 * log10(peak / floor);
     d->existence = existence(s, peak, floor + residue(s, r->peak, floor), strongest);

@@ -26,6 +26,7 @@ struct detect_config {
     const struct clean *clean;      /* for objects_find: to look for what others hide
                                      * (recon/detection/clean); NULL: not done.  Not owned. */
     const struct cfar_map *map;     /* with cfar: of this grid; NULL: none.  Not owned. */
+    bool clipped;                   /* what is less than nothing is 0 */
     bool followed;           /* by tracks, which know themselves that an object may go on
                               * beyond a border: its place is that of what is seen of it */
     bool multipath;          /* for objects_find: echoes of others are told (default) */
@@ -42,13 +43,15 @@ enum multipath { /* how an echo came (recon/detection/multipath.h) */
 };
 
 struct detection {
-    double position_m[3];    /* array frame, as imaged (virtual) */
-    double covariance_m2[6]; /* xx xy xz yy yz zz; PEAK_UNKNOWN_M along what the image
-                              * does not tell */
-    unsigned at_border;      /* PEAK_BORDER (peak.h): it may lie beyond, or go on */
-    double level_db;         /* above the noise floor */
-    double existence;        /* 0..1 */
-    double extent_m[3];      /* full size of what is above half amplitude; 0: a point */
+    double position_m[3]; /* array frame, as imaged (virtual) */
+    double
+        covariance_m2[6]; /* xx xy xz yy yz zz; PEAK_UNKNOWN_M along what the image
+                           * does not tell; beside a border at least what is seen of it,
+                           * beside an end in depth the front of an echo (sideways) */
+    unsigned at_border;   /* PEAK_BORDER (peak.h): it may lie beyond, or go on */
+    double level_db;      /* above the noise floor */
+    double existence;     /* 0..1 */
+    double extent_m[3];   /* full size of what is above half amplitude; 0: a point */
     struct shape_guess shape;
     enum multipath multipath;
     size_t of[2]; /* then: the objects that make it, among those that were found with it;
@@ -57,9 +60,10 @@ struct detection {
 
 void detect_config_default(struct detect_config *cfg);
 
-/* For images of methods that isolate points (imager_isolates): only voxels that touch are
- * one object, and what a body consists of is not told from echoes of its parts. */
-void detect_config_isolated(struct detect_config *cfg, const struct grid *grid);
+/* For images of this method.  Of one that isolates points only voxels that touch are one
+ * object, and what a body consists of is not told from echoes of its parts. */
+void detect_config_method(struct detect_config *cfg, const char *method,
+                          const struct grid *grid);
 
 /* Guard and training cells for images on a grid: objects of half a metre and the smear of
  * a point are left out, and training cells lie as far apart as the image resolves.

@@ -127,9 +127,8 @@ int detector_volume(struct detector *d, const struct volume *volume,
     cfg.threshold_db = d->cfg.threshold_db;
     cfg.learns = learns(d, volume) && !volume->pings_blanked;
     cfg.followed = volume->frame != 0;
-    cfg.multipath = !cfg.followed && !imager_isolates(volume->method);
-    if (imager_isolates(volume->method))
-        detect_config_isolated(&cfg, grid);
+    cfg.multipath = !cfg.followed;
+    detect_config_method(&cfg, volume->method, grid);
     settle(d, volume);
     int err = find_cells(d, volume, &cfg);
     if (!err && cfg.cfar && cfg.learns && !d->settling)

@@ -49,9 +49,30 @@ static bool is_empty(const struct surroundings *s, int axis, int far)
     return intensity(s, d) <= 0.0;
 }
 
+/* From the voxel to the grid's end. */
+static bool is_all_empty(const struct surroundings *s, int axis, int far)
+{
+    size_t left = far ? s->grid->n[axis] - 1 - s->at[axis] : s->at[axis];
+    int d[3] = {0};
+
+    for (int i = 1; (size_t)i <= left; i++) {
+        d[axis] = far ? i : -i;
+        if (intensity(s, d) > 0.0)
+            return false;
+    }
+    return true;
+}
+
+static bool is_unseen(const struct surroundings *s, int axis, int far,
+                      enum peak_zero zero)
+{
+    return zero == PEAK_ZERO_UNSEEN ||
+           (zero == PEAK_ZERO_CLIPPED && is_all_empty(s, axis, far));
+}
+
 enum known { FITTED, TO_A_VOXEL, NOT_AT_ALL };
 
-static enum known examine(const struct surroundings *s, int axis, bool gated,
+static enum known examine(const struct surroundings *s, int axis, enum peak_zero zero,
                           unsigned *at_border)
 {
     enum known known = FITTED;
@@ -61,7 +82,7 @@ static enum known examine(const struct surroundings *s, int axis, bool gated,
     for (int far = 0; far <= 1; far++) {
         bool edge = is_edge(s, axis, far);
         bool empty = !edge && is_empty(s, axis, far);
-        if (edge || (empty && gated)) {
+        if (edge || (empty && is_unseen(s, axis, far, zero))) {
             *at_border |= PEAK_BORDER(axis, far);
             known = NOT_AT_ALL;
         } else if (empty && known == FITTED) {
@@ -226,8 +247,8 @@ static double width_m(const struct grid *g, int axis, enum known known, double b
     return fmin(g->step_m[axis] * WIDTH_SIGMAS / sqrt(bend), length_m);
 }
 
-void peak_fit(const struct grid *g, const float *v, size_t voxel, double snr, bool gated,
-              const double body_m[3], struct peak_fit *out)
+void peak_fit(const struct grid *g, const float *v, size_t voxel, double snr,
+              enum peak_zero zero, const double body_m[3], struct peak_fit *out)
 {
     struct surroundings s = {.grid = g, .v = v};
     enum known known[3];
@@ -237,7 +258,9 @@ void peak_fit(const struct grid *g, const float *v, size_t voxel, double snr, bo
     grid_place(g, voxel, s.at);
     s.peak = fmax(v[voxel], 1e-37);
     for (int a = 0; a < 3; a++)
-        known[a] = examine(&s, a, gated, &out->at_border);
+        known[a] = examine(&s, a, zero, &out->at_border);
+    if (out->at_border)
+        snr = 1.0;
     find_top(&s, known, shift);
     measure_bend(&s, known, is_steep(&s, known), slope, curvature);
     symmetric_axes(curvature, bend, axes);

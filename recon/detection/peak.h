@@ -28,14 +28,22 @@ struct peak_fit {
                          * lies beyond */
 };
 
+enum peak_zero {                    /* what an intensity of 0 says */
+                 PEAK_ZERO_EMPTY,   /* nothing is there: an image without noise */
+                 PEAK_ZERO_CLIPPED, /* less than nothing is there; but where all is 0 to
+                                     * the end of the grid, nothing was imaged */
+                 PEAK_ZERO_UNSEEN,  /* nothing was imaged there */
+};
+
 /* voxel: index of a local maximum of intensity; snr: its intensity over the noise's.
- * gated: where the intensity is 0 nothing was imaged; else it is an image without noise.
  * body_m: of what is about as bright around the voxel, the length along each axis; NULL:
  * not known.
  *
  * Where the grid, or what was imaged of it, ends at the voxel along an axis, that axis
  * stays on the voxel's centre, has PEAK_UNKNOWN_M for its standard deviation and a border
- * for each such end.  So it is, without a border, along an axis of one voxel.  Along a
+ * for each such end; the other axes are known as well as the image is sharp, however high
+ * its snr: a flank or a sidelobe of what lies beyond is bright beside its place, too.  So
+ * the axis is, without a border, where it has one voxel.  Along a
  * direction in which the paraboloid is wider than three grids the place is anywhere in
  * the body, or unknown: a ridge is known across, not along.  Widths are the grid's length
  * at most.  An axis with an empty voxel beside it that is no border is known to a voxel.
@@ -43,6 +51,6 @@ struct peak_fit {
  * place is the top of the logarithm's paraboloid, the covariance that of its curvature;
  * where the next voxels are 30 dB fainter or more, of the amplitude's. */
 void peak_fit(const struct grid *grid, const float *intensity, size_t voxel, double snr,
-              bool gated, const double body_m[3], struct peak_fit *out);
+              enum peak_zero zero, const double body_m[3], struct peak_fit *out);
 
 #endif

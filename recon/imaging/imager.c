@@ -58,6 +58,13 @@ bool imager_isolates(const char *name)
     return m && m->isolates;
 }
 
+bool imager_clips(const char *name)
+{
+    const struct imager_method *m = find(name);
+
+    return m && m->clips;
+}
+
 int method_span(double span_s[2], const struct imager_config *cfg, double half_offset_m,
                 const char **why)
 {

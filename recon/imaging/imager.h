@@ -36,6 +36,9 @@ bool imager_has_method(const char *name);
  * what lies apart are several things. */
 bool imager_isolates(const char *name);
 
+/* Is what is less than nothing in its images 0?  Else 0 is what was not imaged. */
+bool imager_clips(const char *name);
+
 /* Its amplitudes, with their phases, are those of each echo added up: what is taken out
  * of the traces is gone from the image. */
 bool imager_adds(const char *name);

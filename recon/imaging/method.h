@@ -10,6 +10,7 @@ struct imager_method {
     bool any_geometry; /* also pings with places of their own (geometry.pings_m) */
     bool isolates;     /* imager_isolates */
     bool adds;         /* imager_adds */
+    bool clips;        /* imager_clips */
     bool fits; /* its image explains what was heard as if nothing stood outside: the
                 * imager gives it more than the volume, and cuts that off */
     int (*create)(void **state, const struct imager_config *cfg, const char **why);

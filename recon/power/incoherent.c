@@ -617,6 +617,7 @@ static void incoherent_image(void *state, float *intensity)
 
 const struct imager_method method_incoherent = {
     .name = "incoherent",
+    .clips = true,
     .any_geometry = true,
     .create = incoherent_create,
     .add = incoherent_add,

@@ -220,6 +220,7 @@ static void paper_reset(void *state)
 
 const struct imager_method method_paper = {
     .name = "paper",
+    .clips = true,
     .create = paper_create,
     .add = paper_add,
     .image = paper_image,

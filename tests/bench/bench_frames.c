@@ -118,7 +118,7 @@ static void look(struct bumper *b, const struct frames_ping *pings, size_t n,
     image(b, pings, n, motion, near);
     for (size_t v = 0; v < NEAR * NEAR; v++)
         best = near[v] > near[best] ? v : best;
-    peak_fit(&b->cfg.grid, near, best, 1e3, false, NULL, &fit);
+    peak_fit(&b->cfg.grid, near, best, 1e3, PEAK_ZERO_EMPTY, NULL, &fit);
     memcpy(peak, fit.position_m, sizeof peak);
     out->level = near[best];
     out->width_m[0] = fit.width_m[0];

@@ -59,7 +59,8 @@ static void a_point_is_where_it_is_after_deramp(void **state)
     image(*state, &job, COMPRESSION_DERAMP);
     for (size_t v = 1; v < grid_size(&job.processing.grid); v++)
         best = job.intensity[v] > job.intensity[best] ? v : best;
-    peak_fit(&job.processing.grid, job.intensity, best, 100.0, false, NULL, &fit);
+    peak_fit(&job.processing.grid, job.intensity, best, 100.0, PEAK_ZERO_EMPTY, NULL,
+             &fit);
     assert_true(hypot(fit.position_m[0] - at_m[0], fit.position_m[1] - at_m[1]) < 3e-3);
     assert_near(fit.position_m[2], at_m[2], 3e-3);
     recon_job_clear(&job);

@@ -180,7 +180,7 @@ float bumper_peak(const struct bumper *b, const float *image, double at_m[3])
         best = image[v] > image[best] ? v : best;
     }
     struct peak_fit fit;
-    peak_fit(&b->cfg.grid, image, best, 1e3, false, NULL, &fit);
+    peak_fit(&b->cfg.grid, image, best, 1e3, PEAK_ZERO_EMPTY, NULL, &fit);
     memcpy(at_m, fit.position_m, sizeof fit.position_m);
     return image[best];
 }

@@ -135,7 +135,7 @@ static void expect_image(const struct hard *h, const char *method, const float *
     }
     if (!(image[best] > 0.0f))
         fail_msg("%s: the image is dark", method);
-    peak_fit(&h->rig.grid, image, best, 1000.0, false, NULL, &fit);
+    peak_fit(&h->rig.grid, image, best, 1000.0, PEAK_ZERO_EMPTY, NULL, &fit);
     memcpy(peak_m, fit.position_m, 3 * sizeof *peak_m);
 }
 

@@ -169,7 +169,7 @@ float rig_peak(const struct rig *r, const float *image, struct peak_fit *out)
         assert_true(isfinite(image[v]) && image[v] >= 0.0f);
         best = image[v] > image[best] ? v : best;
     }
-    peak_fit(&r->grid, image, best, 1000.0, false, NULL, out);
+    peak_fit(&r->grid, image, best, 1000.0, PEAK_ZERO_EMPTY, NULL, out);
     return image[best];
 }
 

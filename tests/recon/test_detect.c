@@ -419,7 +419,7 @@ static void isolated_points_are_joined_where_they_touch_alone(void **state)
     s.amplitude[(7 * N + 8) * N + 12] = 2.9f;
     search(&s, 1.0);
     assert_int_equal(s.n, 1);
-    detect_config_isolated(&s.cfg, &grid);
+    detect_config_method(&s.cfg, "sparse", &grid);
     search(&s, 1.0);
     assert_int_equal(s.n, 2);
     assert_near(s.found[0].position_m[0], -0.35 + 9 * 0.02, 0.011);
@@ -439,6 +439,32 @@ static void expect_known(const struct detection *d, int axis, bool known)
         assert_near(sigma_m, PEAK_UNKNOWN_M, 1e-3);
 }
 
+/* At a border: of the axes that end there nothing is known, of the others as much as a
+ * point's image (amplitudes of 1.5 steps, one sigma) or what is seen of a body is wide;
+ * but beside an end in depth as much as the front of an echo, a sphere, is wide where it
+ * has come back by a point's four voxels. */
+static void expect_known_beside(const struct detection *d, const double seen_m[3])
+{
+    double range_m = hypot(hypot(d->position_m[0], d->position_m[1]), d->position_m[2]);
+    double front_m = sqrt(2.0 * range_m * 4.0 * grid.step_m[2]);
+    bool depth = d->at_border & (PEAK_BORDER(2, 0) | PEAK_BORDER(2, 1));
+
+    for (int a = 0; a < 3; a++) {
+        double sigma_m = sqrt(d->covariance_m2[diagonal[a]]);
+        bool open = d->at_border & (PEAK_BORDER(a, 0) | PEAK_BORDER(a, 1));
+        double least_m = seen_m[a] > 0.0 ? seen_m[a] / sqrt(12.0)
+                                         : 1.5 * M_SQRT1_2 * grid.step_m[a];
+        if (a < 2 && depth)
+            least_m = hypot(least_m, front_m);
+        if (open)
+            assert_near(sigma_m, PEAK_UNKNOWN_M, 1e-3);
+        else
+            assert_true(sigma_m > 0.8 * least_m && sigma_m < 1.6 * least_m);
+    }
+}
+
+static const double point_m[3] = {0.0, 0.0, 0.0};
+
 static void a_peak_on_the_rim_is_found_there(void **state)
 {
     (void)state;
@@ -455,7 +481,9 @@ static void a_peak_on_the_rim_is_found_there(void **state)
         assert_int_equal(s.n, 1);
         expect_at(&s.found[0], at_m, 0.2);
         for (int a = 0; a < 3; a++)
-            expect_known(&s.found[0], a, corners[q][a] > 0 && corners[q][a] < N - 1);
+            assert_int_equal(!!(s.found[0].at_border & (3u << 2 * a)),
+                             corners[q][a] == 0 || corners[q][a] == N - 1);
+        expect_known_beside(&s.found[0], point_m);
         scene_close(&s);
     }
 }
@@ -479,9 +507,9 @@ what_lies_outside_is_not_known_along_the_axis_that_it_is_outside_of(void **state
         assert_int_equal(s.found[0].at_border, PEAK_BORDER(axis, far));
         for (int a = 0; a < 3; a++) {
             double sigma_m = sqrt(s.found[0].covariance_m2[diagonal[a]]);
-            expect_known(&s.found[0], a, a != axis);
             assert_below(fabs(s.found[0].position_m[a] - at_m[a]), 4.0 * sigma_m);
         }
+        expect_known_beside(&s.found[0], point_m);
         scene_close(&s);
     }
 }
@@ -499,8 +527,7 @@ static void what_lies_behind_the_gate_is_not_known_in_depth(void **state)
     search(&s, 1.0);
     assert_int_equal(s.n, 1);
     assert_int_equal(s.found[0].at_border, PEAK_BORDER(2, 1));
-    for (int a = 0; a < 3; a++)
-        expect_known(&s.found[0], a, a != 2);
+    expect_known_beside(&s.found[0], point_m);
     scene_close(&s);
 }
 
@@ -516,9 +543,37 @@ static void a_plate_that_goes_on_outside_has_no_known_middle_there(void **state)
     search(&s, 1.0);
     assert_int_equal(s.n, 1);
     assert_int_equal(s.found[0].at_border, PEAK_BORDER(0, 0));
-    for (int a = 0; a < 3; a++)
-        expect_known(&s.found[0], a, a != 0);
+    expect_known_beside(&s.found[0], s.found[0].extent_m);
     scene_close(&s);
+}
+
+/* Of a method that has no negative values: what lies within the volume does not end where
+ * its image is less than nothing beside it; where there is nothing up to the end, it may.
+ */
+static void what_is_clipped_beside_a_point_is_no_border(void **state)
+{
+    (void)state;
+    for (int ends = 0; ends <= 1; ends++) {
+        const double at_m[3] = {0.0, 0.15, 1.05};
+        struct scene s;
+        scene_open(&s, true);
+        detect_config_method(&s.cfg, "paper", &grid);
+        add_point(&s, at_m[0], at_m[1], at_m[2], 45.0);
+        for (size_t v = 0; v < VOXELS; v++)
+            if (v / (N * N) == 14 || (ends && v / (N * N) < 14))
+                s.amplitude[v] = 0.0f;
+        search(&s, 1.0);
+        assert_int_equal(s.n, 1);
+        const struct detection *d = &s.found[0];
+        assert_int_equal(d->at_border, ends ? PEAK_BORDER(2, 0) : 0);
+        if (ends)
+            expect_known_beside(d, point_m);
+        for (int a = 0; !ends && a < 3; a++) {
+            expect_known(d, a, true);
+            assert_below(fabs(d->position_m[a] - at_m[a]), 0.5 * grid.step_m[a]);
+        }
+        scene_close(&s);
+    }
 }
 
 /* The gate ends in the middle of a plate that is seen from the front of a box. */
@@ -538,8 +593,7 @@ static void nor_has_what_goes_on_behind_the_gate(void **state)
     assert_int_equal(s.n, 1);
     assert_true(s.found[0].extent_m[0] > 0.0);
     assert_int_equal(s.found[0].at_border, PEAK_BORDER(2, 1));
-    for (int a = 0; a < 3; a++)
-        expect_known(&s.found[0], a, a != 2);
+    expect_known_beside(&s.found[0], s.found[0].extent_m);
     scene_close(&s);
 }
 
@@ -682,6 +736,7 @@ int main(void)
             what_lies_outside_is_not_known_along_the_axis_that_it_is_outside_of),
         cmocka_unit_test(what_lies_behind_the_gate_is_not_known_in_depth),
         cmocka_unit_test(nor_has_what_goes_on_behind_the_gate),
+        cmocka_unit_test(what_is_clipped_beside_a_point_is_no_border),
         cmocka_unit_test(a_plate_that_goes_on_outside_has_no_known_middle_there),
         cmocka_unit_test(what_is_followed_has_the_place_of_what_is_seen_of_it),
         cmocka_unit_test(with_cfar_each_place_has_a_threshold_of_its_own),

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "recon/detection/detect.h"
+#include "tests/recon/dice.h"
 #include "tests/recon/rig.h"
 
 /* Back-projection takes another way when the stage's steps (0.04) are whole voxels. */
@@ -668,61 +669,132 @@ static void a_voxel_alone_is_what_it_is_in_a_volume(void **state)
     }
 }
 
-/* One point 3 cm outside, or in the middle, of 32 cm of volume around (0, 0, 1.1), n_thin
- * voxels along the axis: nothing is told, or that it may stand beyond the border; no axis
- * is stated surer than it is. */
-static void expect_no_false_place(const char *method, int axis, int far, size_t n_thin)
-{
-    static const int diagonal[3] = {0, 3, 5};
-    struct scatterer point = {{0.0, 0.0, 1.1}, 1.0};
-    const double band_hz[2] = {2000.0, 20000.0};
-    struct detect_config cfg;
-    struct detection found[8];
-    struct rig r;
-    size_t n;
+#define NOISE 0.1 /* rms, beside echoes of 0.8 */
 
-    rig_default(&r);
-    rig_look_at(&r, 0.0, 0.0, 1.1, 17, 0.02);
-    if (n_thin) {
-        r.grid.n[axis] = n_thin;
-        r.grid.origin_m[axis] = point.at_m[axis] - 0.01 * (double)(n_thin - 1);
+static float *noisy_image(const struct rig *r, const char *method,
+                          const struct scatterer *point)
+{
+    size_t n_speakers = r->geometry.n_speakers;
+    size_t n = r->geometry.n_microphones * r->format.n_samples;
+    float complex *traces = malloc(n * sizeof *traces);
+    float *image = malloc(grid_size(&r->grid) * sizeof *image);
+    unsigned long long seed = 9;
+    struct pool *pool;
+
+    assert_true(traces && image);
+    assert_int_equal(pool_create(&pool, 1), 0);
+    struct imager *im = rig_imager(r, method, pool);
+    for (size_t p = 0; p < r->geometry.n_positions * n_speakers; p++) {
+        rig_ping(r, p / n_speakers, p % n_speakers, point, 1, traces);
+        for (size_t i = 0; i < n; i++)
+            traces[i] += (float complex)(NOISE * M_SQRT1_2 *
+                                         (dice_normal(&seed) + I * dice_normal(&seed)));
+        assert_true(imager_add(im, p / n_speakers, p % n_speakers, traces, NULL));
     }
-    double half_m = 0.5 * r.grid.step_m[axis] * (double)(r.grid.n[axis] - 1);
-    if (far >= 0)
-        point.at_m[axis] += (far ? 1.0 : -1.0) * (half_m + 0.03);
-    float *image = rig_image(&r, method, &point, 1, 1);
-    detect_config_default(&cfg);
-    if (imager_isolates(method))
-        detect_config_isolated(&cfg, &r.grid);
-    geometry_resolution(&r.geometry, band_hz, 1.1, cfg.resolution_m);
-    assert_int_equal(detect_objects(&cfg, &r.grid, image, found, 8, &n), 0);
-    if (far < 0)
-        assert_int_equal(n, 1);
-    for (size_t i = 0; i < n; i++) {
-        const struct detection *d = &found[i];
-        if (d->existence < 0.5)
-            continue;
-        for (int a = 0; a < 3; a++) {
-            double sigma_m = sqrt(d->covariance_m2[diagonal[a]]);
-            assert_below(fabs(d->position_m[a] - point.at_m[a]), 4.0 * sigma_m);
-            assert_true(far >= 0 || sigma_m < r.grid.step_m[a]);
-        }
-    }
-    free(image);
+    imager_image(im, image);
+    imager_destroy(im);
+    pool_destroy(pool);
+    free(traces);
+    return image;
 }
 
-static void a_fit_does_not_place_what_stands_outside(void **state)
+/* 32 cm of volume around (0, 0, 1.1).  Those that explain what they hear by points do
+ * without a dense array; of the others grating lobes are another matter. */
+static void outside_rig(struct rig *r, const char *method)
+{
+    bool fits = imager_isolates(method) || !strcmp(method, "iterative");
+    bool paired = !strcmp(method, "confocal") || !strcmp(method, "lct");
+
+    rig_default(r);
+    if (paired)
+        rig_pairs(r);
+    for (size_t e = 0; !fits && e < RIG_MAX; e++) {
+        r->positions_m[e] = 0.02 * ((double)e - 7.5);
+        for (int a = 0; a < 3; a++) {
+            r->speakers_m[e][a] *= 0.5;
+            r->microphones_m[e][a] *= 0.5;
+        }
+    }
+    r->geometry.n_positions = fits ? 8 : 16;
+    rig_look_at(r, 0.0, 0.0, 1.1, 17, 0.02);
+}
+
+/* Nothing is told, or that it may stand beyond the border; no axis is stated surer than
+ * it is. */
+static void expect_true(const struct rig *r, const char *method,
+                        const struct scatterer *point, bool outside)
+{
+    static const int diagonal[3] = {0, 3, 5};
+    struct detect_config cfg;
+    struct detection found[8];
+    size_t n, told = 0;
+
+    float *image = noisy_image(r, method, point);
+    detect_config_default(&cfg);
+    detect_config_method(&cfg, method, &r->grid);
+    geometry_resolution(&r->geometry, r->band_hz, 1.1, cfg.resolution_m);
+    assert_int_equal(detect_objects(&cfg, &r->grid, image, found, 8, &n), 0);
+    free(image);
+    for (size_t i = 0; i < n; i++) {
+        const struct detection *d = &found[i];
+        if (d->existence < 0.5 || (outside && imager_clips(method) && !d->at_border))
+            continue; /* images of power have sidelobes anywhere */
+        told++;
+        for (int a = 0; a < 3; a++) {
+            double sigma_m = sqrt(d->covariance_m2[diagonal[a]]);
+            double error_m = fabs(d->position_m[a] - point->at_m[a]);
+            if (error_m > 4.0 * sigma_m)
+                fail_msg("%s: axis %d is %.1f cm off, stated %.2f", method, a,
+                         1e2 * error_m, 1e2 * sigma_m);
+            if (!outside && strcmp(method, "confocal") != 0)
+                assert_below(sigma_m, 2.0 * r->grid.step_m[a]);
+        }
+    }
+    assert_true(outside || told == 1 || (told == 0 && imager_clips(method)));
+}
+
+static void what_stands_outside_is_not_placed_surely(void **state)
+{
+    (void)state;
+
+    for (const char *m = imager_methods(); *m; m += strlen(m) + 1) {
+        for (int face = 0; face < 6; face++) {
+            struct scatterer point = {{0.0, 0.0, 1.1}, 1.0};
+            struct rig r;
+            outside_rig(&r, m);
+            point.at_m[face / 2] += (face % 2 ? 1.0 : -1.0) * (0.16 + 0.03);
+            expect_true(&r, m, &point, true);
+        }
+    }
+}
+
+static void what_stands_in_the_middle_is_known(void **state)
+{
+    (void)state;
+
+    for (const char *m = imager_methods(); *m; m += strlen(m) + 1) {
+        const struct scatterer point = {{0.0, 0.0, 1.1}, 1.0};
+        struct rig r;
+        outside_rig(&r, m);
+        expect_true(&r, m, &point, false);
+    }
+}
+
+/* Of volumes of three voxels along an axis, too. */
+static void a_fit_of_a_thin_volume_is_told_what_stands_beside_it(void **state)
 {
     (void)state;
     static const char *const fits[2] = {"iterative", "sparse"};
 
-    for (int q = 0; q < 12; q++)
-        expect_no_false_place(fits[q / 6], q / 2 % 3, q % 2, 0);
-    for (int q = 0; q < 2; q++)
-        expect_no_false_place(fits[q], 0, -1, 0);
-    for (int q = 0; q < 6; q++) {
-        expect_no_false_place(fits[q / 3], q % 3, -1, 3);
-        expect_no_false_place(fits[q / 3], q % 3, 1, 3);
+    for (int q = 0; q < 12; q++) {
+        struct scatterer point = {{0.0, 0.0, 1.1}, 1.0};
+        int axis = q / 2 % 3;
+        struct rig r;
+        outside_rig(&r, fits[q / 6]);
+        r.grid.n[axis] = 3;
+        r.grid.origin_m[axis] = point.at_m[axis] - 0.02;
+        point.at_m[axis] += q % 2 ? 0.05 : 0.0;
+        expect_true(&r, fits[q / 6], &point, q % 2);
     }
 }
 
@@ -730,7 +802,9 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_methods_are_listed),
-        cmocka_unit_test(a_fit_does_not_place_what_stands_outside),
+        cmocka_unit_test(what_stands_outside_is_not_placed_surely),
+        cmocka_unit_test(what_stands_in_the_middle_is_known),
+        cmocka_unit_test(a_fit_of_a_thin_volume_is_told_what_stands_beside_it),
         cmocka_unit_test(another_method_is_refused),
         cmocka_unit_test(nothing_added_and_silence_added_show_nothing),
         cmocka_unit_test(a_ping_added_twice_counts_once),

@@ -70,7 +70,7 @@ static void a_point_amid_the_circle_is_within_a_millimetre(void **state)
         }
         assert_true(intensity[best] > 0.0f);
         struct peak_fit fit;
-        peak_fit(&g, intensity, best, 100.0, false, NULL, &fit);
+        peak_fit(&g, intensity, best, 100.0, PEAK_ZERO_EMPTY, NULL, &fit);
         for (int a = 0; a < 3; a++)
             assert_near(fit.position_m[a], at[a], 1e-3);
         free(intensity);

@@ -434,8 +434,7 @@ static int find_objects(struct recon_job *job, struct error *why)
 {
     struct detect_config detect;
     detect_config_default(&detect);
-    if (imager_isolates(job->method))
-        detect_config_isolated(&detect, &job->processing.grid);
+    detect_config_method(&detect, job->method, &job->processing.grid);
     if (!detect.multipath)
         detect.traces = NULL;
     else if (job->automatic)

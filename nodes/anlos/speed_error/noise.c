@@ -365,7 +365,8 @@ static void add_errors(struct bench_noise *b, size_t method, size_t level,
                        const struct grid *grid, const float *image, const double at_m[3])
 {
     struct peak_fit fit;
-    peak_fit(grid, image, brightest(image, grid_size(grid)), 1.0, false, NULL, &fit);
+    peak_fit(grid, image, brightest(image, grid_size(grid)), 1.0, PEAK_ZERO_EMPTY, NULL,
+             &fit);
     double x = fit.position_m[0] - at_m[0], y = fit.position_m[1] - at_m[1];
     double z = fit.position_m[2] - at_m[2];
     b->lateral_m[method][level] += x * x + y * y;
