@@ -13,6 +13,9 @@
 /* How often there is one, over how differently they lack what is low. */
 #define LOBE    0.1
 #define LOBE_DB 20.0 /* from which on that is a lobe's */
+/* The first sidelobe of a point is 18 dB below it, any other 24 or more
+ * (launch/accuracy.md): these are fainter than that by 6 dB; so far even odds. */
+#define OTHERS_DB 4.0
 
 enum { TONES = 8, LOW = 1, HIGH = 5, WIDE = 2 }; /* compared; the ends are the window's */
 
@@ -120,5 +123,22 @@ void lobes_judge(const struct trace_set *set, struct detection *found, size_t n)
         double object = exp(-0.5 * db * db / (REAL_DB * REAL_DB));
         double lobe = LOBE * fmin(-db / LOBE_DB, 1.0);
         found[g].existence *= object / (object + lobe);
+    }
+}
+
+void lobes_suspect(const struct geometry *g, struct detection *found, size_t n)
+{
+    double low[3], high[3];
+
+    geometry_aperture(g, low, high);
+    for (size_t i = 0; i < n; i++) {
+        double most = 0.0;
+        for (size_t p = 0; p < n; p++) {
+            double fainter_db = found[p].level_db - found[i].level_db;
+            if (p != i && found[p].at_border && may_make(&found[p], &found[i], low, high))
+                most =
+                    fmax(most, 1.0 / (1.0 + pow(10.0, (OTHERS_DB - fainter_db) / 5.0)));
+        }
+        found[i].existence *= 1.0 - most;
     }
 }

@@ -20,4 +20,9 @@
  * that one. */
 void lobes_judge(const struct trace_set *set, struct detection *found, size_t n);
 
+/* Without traces: what is seen at a border of the volume may be no more than a sidelobe
+ * of what lies beyond, and what else is seen at that range, fainter, another one.  Lowers
+ * the existence of that. */
+void lobes_suspect(const struct geometry *g, struct detection *found, size_t n);
+
 #endif

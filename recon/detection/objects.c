@@ -254,6 +254,16 @@ void objects_resolution(struct detect_config *cfg, const struct survey *s,
     }
 }
 
+static void suspect_lobes(const struct survey *s, struct detection *found, size_t n)
+{
+    struct geometry geometry;
+
+    if (s->pings_m) /* seen from all sides, lobes have no one direction */
+        return;
+    processing_geometry(&geometry, s);
+    lobes_suspect(&geometry, found, n);
+}
+
 /* Pings around objects hear them from all sides, and have no one range. */
 static void find_multipath(const struct survey *s, const struct walls *walls,
                            const struct grid *grid, struct detection *found, size_t n,
@@ -291,6 +301,8 @@ int objects_find(struct object_list *out, const struct survey *s,
     int err = detect_objects(&resolved, grid, intensity, found, OBJECTS_MAX, &n);
     if (err)
         return err;
+    if (!cfg->traces && !cfg->followed)
+        suspect_lobes(s, found, n);
     size_t plain = n = drop_unlikely(found, n, min_existence);
     if (cfg->clean) {
         err = clean_find(cfg->clean, &resolved, grid, intensity, found, OBJECTS_MAX, &n);

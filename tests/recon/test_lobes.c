@@ -113,12 +113,73 @@ static void what_is_at_another_range_is_left_alone(void **state)
     close_scene(&s);
 }
 
+/* -- without traces ---------------------------------------------------------------------
+ */
+
+static double suspected(double fainter_db, unsigned at_border, double other_m)
+{
+    struct detection found[2] = {seen(2.3, 0.78, 30.0),
+                                 seen(other_m, 0.30, 30.0 - fainter_db)};
+    struct scene s;
+
+    open_scene(&s, NULL, 0);
+    found[0].at_border = at_border;
+    lobes_suspect(s.set.geometry, found, 2);
+    close_scene(&s);
+    return found[1].existence;
+}
+
+static void what_is_faint_beside_a_border_may_be_a_lobe_of_what_lies_beyond(void **state)
+{
+    (void)state;
+
+    assert_true(suspected(8.0, PEAK_BORDER(0, 1), 2.3) < 0.2);
+    assert_true(suspected(0.0, PEAK_BORDER(0, 1), 2.3) > 0.8);
+    assert_true(suspected(-8.0, PEAK_BORDER(0, 1), 2.3) > 0.99);
+    assert_true(suspected(8.0, PEAK_BORDER(0, 1), 3.9) == 1.0);
+    assert_true(suspected(8.0, 0, 2.3) == 1.0);
+}
+
+/* A point 3 cm beyond a side of 32 cm of volume: its grating lobes are at the other one.
+ */
+static void nothing_is_reported_at_the_other_border(void **state)
+{
+    (void)state;
+
+    for (int face = 0; face < 4; face++) {
+        struct scatterer point = {{0.0, 0.0, 1.1}, 1.0};
+        struct detect_config cfg;
+        struct detection found[8];
+        struct rig r;
+        size_t n, reported = 0;
+        rig_default(&r);
+        rig_look_at(&r, 0.0, 0.0, 1.1, 17, 0.02);
+        point.at_m[face / 2] += (face % 2 ? 1.0 : -1.0) * (0.16 + 0.03);
+        float *image = rig_image(&r, "fast", &point, 1, 1);
+        detect_config_default(&cfg);
+        geometry_resolution(&r.geometry, r.band_hz, 1.1, cfg.resolution_m);
+        assert_int_equal(detect_objects(&cfg, &r.grid, image, found, 8, &n), 0);
+        free(image);
+        assert_true(n >= 2);
+        lobes_suspect(&r.geometry, found, n);
+        for (size_t i = 0; i < n; i++) {
+            if (found[i].existence < 0.5)
+                continue;
+            reported++;
+            assert_below(fabs(found[i].position_m[face / 2] - point.at_m[face / 2]), 0.1);
+        }
+        assert_int_equal(reported, 1);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_lobe_of_what_is_strong_hardly_exists),
         cmocka_unit_test(an_object_where_a_lobe_would_be_exists),
         cmocka_unit_test(what_is_at_another_range_is_left_alone),
+        cmocka_unit_test(what_is_faint_beside_a_border_may_be_a_lobe_of_what_lies_beyond),
+        cmocka_unit_test(nothing_is_reported_at_the_other_border),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);
