@@ -322,6 +322,12 @@ static void exited_aside(struct launcher *l, struct child *c, int status)
         return;
     if (c->phase == CHILD_PAUSING && !WIFEXITED(status)) {
         describe_crash(l, c, status);
+        if (process_group_runs(&l->process_group, false)) {
+            l->incomplete = true;
+            launcher_say(l, c->name, LOG_LEVEL_ERROR,
+                         "the recording is not whole: what comes until then is missing, "
+                         "and a bag that it wrote has no end (see anlos bag recover)");
+        }
         return;
     }
     c->phase = CHILD_FAILED;

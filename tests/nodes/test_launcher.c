@@ -611,6 +611,23 @@ static void a_recorder_that_crashes_is_started_again(void **state)
                              "starts again in 0.1 s");
 }
 
+/* The others run, and say something that nobody writes. */
+static void a_recorder_that_crashes_has_lost_something(void **state)
+{
+    struct rig *r = *state;
+
+    write_recording_launch(r, "report");
+    write_node(r, "record",
+               "if test -e $D/first; then\n" TRAP "echo go > $D/go\n" STAY "fi\n"
+               ": > $D/first; read x < $D/runs; kill -SEGV $$");
+    write_node(r, "report", "echo runs > $D/runs; read x < $D/go");
+    assert_int_equal(mkfifo(scratch_path(r->scratch, "runs"), 0600), 0);
+    start(r);
+    assert_int_equal(finish(r), 1);
+    assert_contains(r->text, "starts again in 0.1 s");
+    assert_contains(r->text, "record  error   the recording is not whole");
+}
+
 static void a_recording_that_is_there_starts_nothing(void **state)
 {
     struct rig *r = *state;
@@ -755,6 +772,7 @@ int main(void)
         TEST(a_recording_that_failed_is_told_after_ctrl_c_too),
         TEST(what_a_recorder_refuses_is_not_run_without_it),
         TEST(a_recorder_that_crashes_is_started_again),
+        TEST(a_recorder_that_crashes_has_lost_something),
         TEST(a_recording_that_is_there_starts_nothing),
         TEST(nodes_get_the_clock_of_their_own_launcher),
         TEST(a_program_that_is_missing_is_named),
