@@ -120,6 +120,9 @@ static int open_parts(struct array_wav *a, const struct device *d, struct error 
         err = recording_open(&a->scene, d->path, &a->survey, why);
     if (!err && background)
         err = recording_open(&a->background, background, &a->survey, why);
+    if (!err && background)
+        err =
+            recording_check_background(a->scene, d->path, a->background, background, why);
     if (!err && allocate(a) < 0)
         err = error_say(why, -ENOMEM, "out of memory");
     return err;

@@ -563,6 +563,33 @@ int recording_read(const struct recording *r, size_t position, float *samples,
     return err;
 }
 
+int recording_check_background(const struct recording *r, const char *name,
+                               const struct recording *background,
+                               const char *background_name, struct error *why)
+{
+    const size_t positions[] = {0, r->n_positions / 2, r->n_positions - 1};
+    const struct recording *const both[2] = {r, background};
+    size_t n = r->n_microphones * recording_frames(r);
+    float *samples = malloc(2 * n * sizeof *samples);
+    uint32_t *counts = malloc(2 * r->n_microphones * sizeof *counts);
+    int err = samples && counts ? 0 : error_say(why, -ENOMEM, "out of memory");
+    bool same = true;
+
+    for (size_t i = 0; !err && same && i < sizeof positions / sizeof *positions; i++) {
+        for (int k = 0; !err && k < 2; k++)
+            err = recording_read(both[k], positions[i], samples + (size_t)k * n, counts,
+                                 counts + r->n_microphones, why);
+        same = !err && !memcmp(samples, samples + n, n * sizeof *samples);
+    }
+    free(samples);
+    free(counts);
+    return !err && same ? error_say(why, -EINVAL,
+                                    "%s: the same sound as %s, of which nothing would be "
+                                    "left; expected the room without what is hidden",
+                                    background_name, name)
+                        : err;
+}
+
 void recording_close(struct recording *r)
 {
     if (!r)

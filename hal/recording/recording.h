@@ -89,6 +89,13 @@ int recording_read(const struct recording *r, size_t position, float *samples,
  * equal samples above half of the channel's maximum. */
 int recording_read_slots(const struct recording *r, size_t position, float *samples,
                          uint32_t *clipped, uint32_t *not_finite, struct error *why);
+
+/* Two recordings of one room differ, if only by their noise: of one that is its own
+ * background nothing would be left.  Of one survey; the first, middle and last position
+ * are read.  0, -EINVAL, -ENOMEM, as recording_read; names are for the error. */
+int recording_check_background(const struct recording *r, const char *name,
+                               const struct recording *background,
+                               const char *background_name, struct error *why);
 void recording_close(struct recording *r);
 
 /* -- of an array that stands ------------------------------------------------------------

@@ -506,6 +506,8 @@ void frontend_ping(struct frontend *f, const struct ping *ping,
         return;
     }
     bool blanked, subtracted = subtract_background(f, ping, &blanked);
+    if (subtracted && !ping->frame && !out->note[0])
+        recorded_background_judge(f->recorded, out->note, sizeof out->note);
     write_traces(f, ping, &out->traces);
     out->traces.clipped_samples = clipped;
     out->traces.background_subtracted = subtracted;

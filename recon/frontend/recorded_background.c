@@ -2,20 +2,28 @@
 #include "recon/frontend/recorded_background.h"
 
 #include <errno.h>
+#include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "dsp/background.h"
 #include "dsp/drift.h"
 
+#define LOUDER_DB 1.0 /* what is hidden adds to what was there before */
+
 struct recorded_background {
-    size_t n_speakers, n_pings, n_microphones;
+    size_t n_speakers, n_pings, n_microphones, n_samples;
     double sound_speed_m_s;
     struct background *traces;
     bool *masked; /* [n_pings][n_microphones] */
     struct drift *drift;
     struct drift_track track;
     struct air air;
-    uint32_t scan; /* that track and air belong to */
+    uint32_t scan; /* that what follows belongs to, and track and air */
+    size_t n_compared, n_same;
+    double scene, background; /* energy */
+    bool judged;
 };
 
 int recorded_background_create(struct recorded_background **out, const struct survey *s,
@@ -32,6 +40,7 @@ int recorded_background_create(struct recorded_background **out, const struct su
     b->n_speakers = s->n_speakers;
     b->n_pings = s->n_positions * s->n_speakers;
     b->n_microphones = s->n_microphones;
+    b->n_samples = format->n_samples;
     b->sound_speed_m_s = s->sound_speed_m_s;
     b->masked = calloc(b->n_pings * b->n_microphones, sizeof *b->masked);
     int err = b->masked ? drift_create(&b->drift, &cfg) : -ENOMEM;
@@ -73,6 +82,35 @@ static void follow_scan(struct recorded_background *b, const struct ping *ping)
     b->scan = ping->scan;
     drift_track_start(&b->track);
     air_start(&b->air, b->sound_speed_m_s, b->n_pings);
+    b->n_compared = b->n_same = 0;
+    b->scene = b->background = 0.0;
+    b->judged = false;
+}
+
+static double energy(const float complex *x, size_t n)
+{
+    double sum = 0.0;
+
+    for (size_t i = 0; i < n; i++)
+        sum += (double)(crealf(x[i]) * crealf(x[i]) + cimagf(x[i]) * cimagf(x[i]));
+    return sum;
+}
+
+static void compare(struct recorded_background *b, const bool *masked,
+                    const float complex *background, const float complex *scene)
+{
+    size_t n = b->n_samples;
+    bool same = true;
+
+    for (size_t m = 0; m < b->n_microphones; m++) {
+        if (masked[m])
+            continue;
+        b->scene += energy(scene + m * n, n);
+        b->background += energy(background + m * n, n);
+        same = same && !memcmp(scene + m * n, background + m * n, n * sizeof *scene);
+    }
+    b->n_compared++;
+    b->n_same += same;
 }
 
 bool recorded_background_subtract(struct recorded_background *b, const struct ping *ping,
@@ -87,10 +125,30 @@ bool recorded_background_subtract(struct recorded_background *b, const struct pi
         return false;
     for (size_t m = 0; m < b->n_microphones; m++)
         masked[m] = masked[m] || b->masked[index * b->n_microphones + m];
+    compare(b, masked, background, traces);
     drift_measure(b->drift, background, traces, masked, &now);
     double stretch = drift_track_update(&b->track, &now);
     air_add(&b->air, stretch, drift_subtract(b->drift, stretch, background, traces));
     return true;
+}
+
+void recorded_background_judge(struct recorded_background *b, char *note, size_t size)
+{
+    *note = '\0';
+    if (b->judged || 2 * b->n_compared < b->n_pings)
+        return;
+    b->judged = true;
+    double louder_db = 10.0 * log10(b->background / b->scene);
+    if (b->n_same == b->n_compared)
+        snprintf(
+            note, size,
+            "the background is the same sound as the scan, of which nothing is left; "
+            "expected the room without what is hidden");
+    else if (louder_db > LOUDER_DB)
+        snprintf(note, size,
+                 "the background is %.1f dB louder than the scan: have the two been "
+                 "swapped?",
+                 louder_db);
 }
 
 const struct air *recorded_background_air(const struct recorded_background *b)

@@ -35,6 +35,11 @@ bool recorded_background_is_kept(const struct recorded_background *b,
 bool recorded_background_subtract(struct recorded_background *b, const struct ping *ping,
                                   bool *masked, float complex *traces);
 
+/* Is it no room without what is hidden: what the scan is recorded in, or the two are
+ * swapped?  A sentence for the log, once, when half of a scan's pings have come; else
+ * empty. */
+void recorded_background_judge(struct recorded_background *b, char *note, size_t size);
+
 /* Of the scan that the newest ping belongs to. */
 const struct air *recorded_background_air(const struct recorded_background *b);
 void recorded_background_destroy(struct recorded_background *b);

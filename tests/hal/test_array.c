@@ -239,6 +239,24 @@ static void a_recording_plays_like_the_array_it_was_taken_with(void **state)
     room_destroy(r);
 }
 
+static void a_recording_is_not_its_own_background(void **state)
+{
+    struct scratch *scratch = *state;
+    struct error why = {.text = ""};
+    struct room *r = open_room();
+    struct array *a;
+    char uri[600];
+
+    record_scene(scratch, r);
+    assert_int_equal(
+        survey_save(room_survey(r), scratch_path(scratch, "survey.yaml"), NULL, &why), 0);
+    snprintf(uri, sizeof uri, "wav:%s/wav?background=%s/wav", scratch->folder,
+             scratch->folder);
+    assert_int_equal(array_open(&a, uri, clock_system(), &why), -EINVAL);
+    assert_contains(why.text, "the same sound");
+    room_destroy(r);
+}
+
 static void devices_that_do_not_exist_are_named(void **state)
 {
     static const struct {
@@ -280,6 +298,7 @@ int main(void)
         TEST(without_a_pace_pings_take_no_time),
         TEST(shots_that_cannot_be_fired_are_refused),
         TEST(a_recording_plays_like_the_array_it_was_taken_with),
+        TEST(a_recording_is_not_its_own_background),
         TEST(devices_that_do_not_exist_are_named),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

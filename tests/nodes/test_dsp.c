@@ -156,6 +156,48 @@ static void the_same_sound_twice_leaves_nothing(void **state)
         assert_true(peak(&r->out.traces, m, &at) == 0.0);
 }
 
+/* All pings of one pass as those of another. */
+static void send_as(struct rig *r, Anlos__Pass recorded, uint32_t scan, Anlos__Pass pass,
+                    char *said)
+{
+    const Anlos__Survey *s = r->scene.survey;
+    size_t n = s->n_speakers_m * s->n_stage_positions_m;
+
+    for (uint32_t i = 0; i < n; i++) {
+        scene_ping(&r->scene, recorded, i / (uint32_t)s->n_speakers_m,
+                   i % (uint32_t)s->n_speakers_m, &r->ping);
+        r->ping.scan = scan;
+        r->ping.pass = pass;
+        dsp_ping(r->dsp, &r->ping, 0, &r->out);
+        strcat(said, r->out.note);
+    }
+}
+
+static void a_background_that_is_the_scan_is_warned_of_once(void **state)
+{
+    struct rig *r = *state;
+    char said[2048] = "";
+
+    send_as(r, SCENE, 1, BACKGROUND, said);
+    send_as(r, SCENE, 1, SCENE, said);
+    assert_string_equal(said,
+                        "the background is the same sound as the scan, of which "
+                        "nothing is left; expected the room without what is hidden");
+}
+
+static void a_background_that_is_louder_than_the_scan_is_warned_of(void **state)
+{
+    struct rig *r = *state;
+    char said[2048] = "";
+
+    send_as(r, BACKGROUND, 1, BACKGROUND, said);
+    send_as(r, SCENE, 1, SCENE, said);
+    assert_string_equal(said, "");
+    send_as(r, SCENE, 1, BACKGROUND, said);
+    send_as(r, BACKGROUND, 2, SCENE, said);
+    assert_non_null(strstr(said, "dB louder than the scan: have the two been swapped?"));
+}
+
 static double power(const Anlos__Traces *t)
 {
     size_t extents[2];
@@ -435,6 +477,8 @@ int main(void)
         TEST(a_scene_ping_without_its_background_asks_for_it),
         WITHOUT(without_a_background_pass_traces_pass_through),
         TEST(the_same_sound_twice_leaves_nothing),
+        TEST(a_background_that_is_the_scan_is_warned_of_once),
+        TEST(a_background_that_is_louder_than_the_scan_is_warned_of),
         CHANGED_AIR(the_background_is_taken_out_of_air_that_has_changed),
         CHANGED_AIR(air_that_has_not_changed_is_not_corrected),
         CHANGED_AIR(another_scan_forgets_the_air_of_the_last_one),

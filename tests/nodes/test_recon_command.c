@@ -291,6 +291,19 @@ static void a_recording_that_is_its_own_background_is_refused(void **state)
     expect_refusal(f, f->scene, "the same sound");
 }
 
+static void a_volume_of_the_command_line_is_named_as_that(void **state)
+{
+    struct fixture *f = *state;
+    struct command_result r;
+    static char volume[] = "0,.1,.1,0,.1,.1,50,51,1";
+    char *words[] = {"recon",    "--survey", f->survey, "--wav", f->scene,
+                     "--volume", volume,     "--out",   f->out,  NULL};
+
+    command_run(&r, command_recon, words);
+    assert_int_equal(r.code, 2);
+    assert_non_null(strstr(r.err, "anlos recon: --volume: z_m begins 50"));
+}
+
 static void a_background_that_is_louder_than_the_scene_is_warned_of(void **state)
 {
     struct fixture *f = *state;
@@ -622,6 +635,7 @@ int main(void)
         test(a_point_lands_where_it_is),
         test(without_background_a_warning_says_so),
         test(a_recording_that_is_its_own_background_is_refused),
+        test(a_volume_of_the_command_line_is_named_as_that),
         test(a_background_that_is_louder_than_the_scene_is_warned_of),
         test(what_stands_outside_of_the_gate_is_not_imaged),
         test(a_second_run_replaces_the_first),

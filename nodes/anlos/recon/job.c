@@ -189,11 +189,16 @@ static int recon_method_plan(struct recon_job *job, struct error *why)
 /* -- plan -------------------------------------------------------------------------------
  */
 
-/* Processing knows the field, not the file. */
+/* Processing knows the field, neither the file nor the option. */
 static void name_survey(const struct recon_options *options, int err, struct error *why)
 {
     struct error named;
 
+    if (options->has_volume && !strncmp(why->text, "volume: ", strlen("volume: "))) {
+        error_say(&named, err, "--%.900s", why->text);
+        *why = named;
+        return;
+    }
     if (!options->survey || !strncmp(why->text, options->survey, strlen(options->survey)))
         return;
     error_say(&named, err, "%s: %.900s", options->survey, why->text);
@@ -202,34 +207,10 @@ static void name_survey(const struct recon_options *options, int err, struct err
 
 int recon_job_check_background(const struct recon_job *job, struct error *why)
 {
-    if (!job->background)
-        return 0;
-    const struct survey *s = &job->survey;
-    size_t n = s->n_microphones * recording_frames(job->recording);
-    const size_t positions[] = {0, s->n_positions / 2, s->n_positions - 1};
-    float *scene = malloc(n * sizeof *scene),
-          *background = malloc(n * sizeof *background);
-    uint32_t *counts = malloc(2 * s->n_microphones * sizeof *counts);
-    bool same = true;
-    int err = scene && background && counts ? 0
-                                            : error_say(why, -ENOMEM, "out of memory");
-
-    for (size_t i = 0; !err && same && i < sizeof positions / sizeof *positions; i++) {
-        err = recording_read(job->recording, positions[i], scene, counts,
-                             counts + s->n_microphones, why);
-        if (!err)
-            err = recording_read(job->background, positions[i], background, counts,
-                                 counts + s->n_microphones, why);
-        same = !err && !memcmp(scene, background, n * sizeof *scene);
-    }
-    free(scene);
-    free(background);
-    free(counts);
-    return !err && same ? error_say(why, -EINVAL,
-                                    "%s: the same sound as %s, of which nothing would be "
-                                    "left; expected the room without what is hidden",
-                                    job->options->background, job->options->wav)
-                        : err;
+    return job->background ? recording_check_background(job->recording, job->options->wav,
+                                                        job->background,
+                                                        job->options->background, why)
+                           : 0;
 }
 
 /* The survey and what it says, then the files. */

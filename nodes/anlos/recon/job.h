@@ -55,8 +55,7 @@ int recon_job_open(struct recon_job *job, const struct recon_options *options,
 /* Plans and allocates. */
 int recon_job_plan(struct recon_job *job, struct error *why);
 
-/* Two recordings of one room differ, if only by their noise; of one that is its own
- * background nothing is left.  0, -EINVAL, -ENOMEM, -EIO. */
+/* recording_check_background, where there is one. */
 int recon_job_check_background(const struct recon_job *job, struct error *why);
 
 /* 0, -EINTR (Ctrl-C, see interrupt.h), -EIO (a file), -ENODATA (no ping is usable),
