@@ -234,6 +234,33 @@ static bool become_one(double dv_m_s)
     return merged;
 }
 
+/* Of two, apart_m from each other, the first of which has a name. */
+static bool is_absorbed(double apart_m, enum track_state state)
+{
+    struct tracker *t = calloc(1, sizeof *t);
+
+    assert_non_null(t);
+    t->cfg.join_m = 0.5;
+    t->n = 2;
+    t->tracks[0].id = 7;
+    t->tracks[0].state = state;
+    t->tracks[1].filter.state[0] = 0.6 * apart_m;
+    t->tracks[1].filter.state[1] = 0.8 * apart_m;
+    track_absorb(t);
+    bool merged = t->tracks[1].merged;
+    assert_false(t->tracks[0].merged);
+    free(t);
+    return merged;
+}
+
+static void what_has_no_name_yet_goes_into_what_is_seen_within_reach(void **state)
+{
+    (void)state;
+    assert_true(is_absorbed(0.48, TRACK_MEASURED));
+    assert_false(is_absorbed(0.52, TRACK_MEASURED));
+    assert_false(is_absorbed(0.48, TRACK_PREDICTED));
+}
+
 /* 99 of 100 that are the same differ less: by sqrt(-2 ln 0.01) = 3.03 of sigma, 0.141. */
 static void what_differs_in_its_velocity_as_noise_does_is_one(void **state)
 {
@@ -255,6 +282,7 @@ int main(void)
         TEST(two_who_walk_side_by_side_stay_two),
         TEST(two_that_drive_one_after_the_other_stay_two),
         TEST(two_that_meet_stay_two),
+        TEST(what_has_no_name_yet_goes_into_what_is_seen_within_reach),
         TEST(what_differs_in_its_velocity_as_noise_does_is_one),
         TEST(the_younger_of_two_that_are_one_is_told_as_deleted),
     };
