@@ -130,6 +130,13 @@ void volume_to_message(const struct volume *v, struct volume_view *view, Anlos__
     m->sound_speed_m_s = v->sound_speed_m_s;
     m->standing_left = v->standing_left;
     m->standing_taken = v->standing_taken;
+    if (v->newest) {
+        const struct grid *b = &v->blocks;
+        m->newest =
+            tensor_borrow_f32(&view->newest, v->newest, 3, b->n[2], b->n[1], b->n[0]);
+        m->newest_origin_m = set_vec3(&view->newest_origin, b->origin_m);
+        m->newest_step_m = set_vec3(&view->newest_step, b->step_m);
+    }
 }
 
 static int read_vec3(const Anlos__Vec3 *v, double out[3])
@@ -142,12 +149,13 @@ static int read_vec3(const Anlos__Vec3 *v, double out[3])
     return 0;
 }
 
-const float *volume_grid(const Anlos__Volume *v, struct grid *out)
+static const float *image_grid(const Anlos__Tensor *image, const Anlos__Vec3 *origin_m,
+                               const Anlos__Vec3 *step_m, struct grid *out)
 {
     size_t extents[3];
-    const float *x = v->intensity ? tensor_f32(v->intensity, 3, extents) : NULL;
+    const float *x = image ? tensor_f32(image, 3, extents) : NULL;
 
-    if (!x || read_vec3(v->origin_m, out->origin_m) || read_vec3(v->step_m, out->step_m))
+    if (!x || read_vec3(origin_m, out->origin_m) || read_vec3(step_m, out->step_m))
         return NULL;
     for (int i = 0; i < 3; i++) {
         out->n[i] = extents[2 - i];
@@ -156,6 +164,11 @@ const float *volume_grid(const Anlos__Volume *v, struct grid *out)
             return NULL;
     }
     return x;
+}
+
+const float *volume_grid(const Anlos__Volume *v, struct grid *out)
+{
+    return image_grid(v->intensity, v->origin_m, v->step_m, out);
 }
 
 void volume_from_message(struct volume *v, const Anlos__Volume *m, int64_t capture_ns)
@@ -176,4 +189,7 @@ void volume_from_message(struct volume *v, const Anlos__Volume *m, int64_t captu
                          .standing_left = m->standing_left,
                          .standing_taken = m->standing_taken};
     v->intensity = volume_grid(m, &v->grid);
+    v->newest = image_grid(m->newest, m->newest_origin_m, m->newest_step_m, &v->blocks);
+    if (v->newest && v->intensity && grid_size(&v->blocks) > grid_size(&v->grid))
+        v->newest = NULL;
 }

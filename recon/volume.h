@@ -16,6 +16,9 @@ struct volume {
     uint32_t scan, frame;   /* of the newest ping; frame 0: of a scan */
     struct grid grid;       /* in the array frame */
     const float *intensity; /* [nz][ny][nx] */
+    struct grid blocks;     /* of voxels */
+    const float *newest; /* [nz][ny][nx] of these: means of the newest ping's image alone
+                          * (frames_newest); NULL: none, or what stands is in it */
     const char *method;
     enum survey_source source;
     double sound_speed_m_s;

@@ -193,7 +193,11 @@ void api_image(struct anlos_image *out, const struct volume *v)
                                 .microphones_masked = v->microphones_masked,
                                 .clipped_samples = v->clipped_samples,
                                 .standing_left = v->standing_left,
-                                .standing_taken = v->standing_taken};
+                                .standing_taken = v->standing_taken,
+                                .newest = v->newest};
+    memcpy(out->newest_origin_m, v->blocks.origin_m, sizeof out->newest_origin_m);
+    memcpy(out->newest_step_m, v->blocks.step_m, sizeof out->newest_step_m);
+    memcpy(out->newest_n, v->blocks.n, sizeof out->newest_n);
     memcpy(out->origin_m, v->grid.origin_m, sizeof out->origin_m);
     memcpy(out->step_m, v->grid.step_m, sizeof out->step_m);
     memcpy(out->n, v->grid.n, sizeof out->n);
@@ -399,40 +403,54 @@ int api_motion(struct ego_motion *out, double speed_m_s, double yaw_rate_rad_s,
     return api_stamp(capture_ns, "capture_ns of ego motion", why);
 }
 
+/* 2^28 voxels at most along an axis, as grid_from_limits has it. */
+static int take_grid(struct grid *out, const double origin_m[3], const double step_m[3],
+                     const size_t n[3], const char *what, struct anlos_error *why)
+{
+    int code = api_finite(origin_m, 3, "origin of an image", why);
+
+    for (int a = 0; !code && a < 3; a++)
+        if (n[a] < 1 || n[a] > (size_t)1 << 28 || !(step_m[a] > 0.0) ||
+            !isfinite(step_m[a]))
+            code = api_fail(why, ANLOS_INVALID,
+                            "an image of %zu %s of %g m along %c, expected 1 or more of "
+                            "over 0",
+                            n[a], what, step_m[a], "xyz"[a]);
+    memcpy(out->origin_m, origin_m, sizeof out->origin_m);
+    memcpy(out->step_m, step_m, sizeof out->step_m);
+    memcpy(out->n, n, sizeof out->n);
+    return code;
+}
+
 int api_volume(struct volume *out, const struct anlos_image *given, uint64_t id,
                struct anlos_error *why)
 {
     struct anlos_image v;
     int code = API_TAKE(&v, given, "struct anlos_image", why);
-    struct grid grid;
+    struct grid grid, blocks = {.n = {0}};
 
     if (!code)
         code = api_there(v.intensity, "intensity of an image", why);
     if (!code)
         code = api_stamp(v.capture_ns, "capture_ns of an image", why);
-    if (!code)
-        code = api_finite(v.origin_m, 3, "origin of an image", why);
     if (!code && v.survey && v.survey != id)
         code = api_fail(why, ANLOS_INVALID,
                         "an image of another survey than this was created for");
-    for (int a = 0; !code && a < 3; a++) /* 2^28 voxels, as grid_from_limits has it */
-        if (v.n[a] < 1 || v.n[a] > (size_t)1 << 28 || !(v.step_m[a] > 0.0) ||
-            !isfinite(v.step_m[a]))
-            code = api_fail(why, ANLOS_INVALID,
-                            "an image of %zu voxels of %g m along %c, expected 1 or more "
-                            "of over 0",
-                            v.n[a], v.step_m[a], "xyz"[a]);
+    if (!code)
+        code = take_grid(&grid, v.origin_m, v.step_m, v.n, "voxels", why);
+    if (!code && v.newest)
+        code = take_grid(&blocks, v.newest_origin_m, v.newest_step_m, v.newest_n,
+                         "blocks", why);
     if (code)
         return code;
-    memcpy(grid.origin_m, v.origin_m, sizeof grid.origin_m);
-    memcpy(grid.step_m, v.step_m, sizeof grid.step_m);
-    memcpy(grid.n, v.n, sizeof grid.n);
     *out = (struct volume){.survey_id = id,
                            .capture_ns = v.capture_ns,
                            .scan = v.scan,
                            .frame = v.frame,
                            .grid = grid,
                            .intensity = v.intensity,
+                           .blocks = blocks,
+                           .newest = v.newest,
                            .method = v.method ? v.method : "",
                            .sound_speed_m_s = v.sound_speed_m_s,
                            .preview = v.preview,

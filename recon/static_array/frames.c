@@ -56,6 +56,23 @@ static void destroy_held(struct held *h)
     free(h->part);
 }
 
+static int allocate_newest(struct frames *f)
+{
+    const struct grid *g = &f->cfg.grid;
+
+    for (int a = 0; a < 3; a++) {
+        double side = g->n[a] > 1 ? round(FRAMES_BLOCK_M / g->step_m[a]) : 1.0;
+        f->block[a] = (size_t)fmin(fmax(side, 1.0), (double)g->n[a]);
+        f->blocks.n[a] = (g->n[a] + f->block[a] - 1) / f->block[a];
+        f->blocks.step_m[a] = g->step_m[a] * (double)f->block[a];
+        f->blocks.origin_m[a] = g->origin_m[a] +
+                                0.5 * (f->blocks.step_m[a] - g->step_m[a]);
+    }
+    f->alone = calloc(grid_size(g), sizeof *f->alone);
+    f->means = calloc(grid_size(&f->blocks), sizeof *f->means);
+    return f->alone && f->means ? 0 : -ENOMEM;
+}
+
 static int allocate(struct frames *f)
 {
     size_t n_mic = f->geometry.n_microphones, threads = pool_threads(f->cfg.pool);
@@ -69,6 +86,8 @@ static int allocate(struct frames *f)
         err = -ENOMEM;
     for (size_t k = 0; !err && k < f->cfg.n_pings; k++)
         err = create_held(f, &f->held[k]);
+    if (!err && f->cfg.sum == FRAMES_POWER)
+        err = allocate_newest(f);
     for (size_t t = 0; !err && t < threads; t++) {
         f->own[t].paths = malloc((1 + n_mic) * sizeof *f->own[t].paths);
         f->own[t].hears = calloc(1 + n_mic, sizeof *f->own[t].hears);
@@ -144,6 +163,8 @@ void frames_destroy(struct frames *f)
     free(f->own);
     free(f->cell);
     free(f->fold);
+    free(f->alone);
+    free(f->means);
     fine_trace_clear(&f->fine);
     geometry_clear(&f->geometry);
     free(f);
@@ -151,6 +172,12 @@ void frames_destroy(struct frames *f)
 
 /* -- add --------------------------------------------------------------------------------
  */
+
+const float *frames_newest(const struct frames *f, struct grid *blocks)
+{
+    *blocks = f->blocks;
+    return f->means && f->held[f->newest].counts ? f->means : NULL;
+}
 
 void frames_reset(struct frames *f)
 {
@@ -237,6 +264,37 @@ static size_t count_masked(const struct frames *f)
     return n;
 }
 
+/* The mean over a block's voxels that were imaged; a voxel beyond the gate is 0. */
+static float mean_of(const struct frames *f, const size_t block[3])
+{
+    const struct grid *g = &f->cfg.grid;
+    size_t low[3], high[3], imaged = 0, all = 1;
+    float sum = 0.0f;
+
+    for (int a = 0; a < 3; a++) {
+        low[a] = block[a] * f->block[a];
+        high[a] = low[a] + f->block[a] < g->n[a] ? low[a] + f->block[a] : g->n[a];
+        all *= high[a] - low[a];
+    }
+    for (size_t z = low[2]; z < high[2]; z++)
+        for (size_t y = low[1]; y < high[1]; y++)
+            for (size_t x = low[0]; x < high[0]; x++) {
+                float power = f->alone[(z * g->n[1] + y) * g->n[0] + x];
+                sum += power;
+                imaged += power > 0.0f;
+            }
+    return imaged && 2 * imaged >= all ? sum / (float)imaged : 0.0f;
+}
+
+static void take_means(struct frames *f)
+{
+    for (size_t i = 0; i < grid_size(&f->blocks); i++) {
+        size_t block[3];
+        grid_place(&f->blocks, i, block);
+        f->means[i] = mean_of(f, block);
+    }
+}
+
 void frames_image(struct frames *f, const struct frames_motion *motion, float *intensity,
                   struct frames_made *made)
 {
@@ -251,6 +309,8 @@ void frames_image(struct frames *f, const struct frames_motion *motion, float *i
     }
     f->image = intensity;
     frames_sum_parts(f);
+    if (f->means)
+        take_means(f);
     for (size_t k = 0; k < f->cfg.n_pings; k++)
         if (f->held[k].fresh)
             keep_account(f, &f->held[k]);

@@ -95,6 +95,14 @@ struct frames_made { /* what an image was made of */
 void frames_image(struct frames *f, const struct frames_motion *motion, float *intensity,
                   struct frames_made *made);
 
+/* Of the newest ping alone, after frames_image: its image's mean over blocks of about
+ * FRAMES_BLOCK_M, [nz][ny][nx] of *blocks, in the same unit; 0 where less than half of a
+ * block was imaged.  What stands out in ping after ping is told from it before it does in
+ * their sum (recon/detection/occupancy.h).  NULL: it is in no image, or phases add up.
+ * Until the next frames_image. */
+#define FRAMES_BLOCK_M 0.08
+const float *frames_newest(const struct frames *f, struct grid *blocks);
+
 /* The instant after a ping's stamp that its delays are those of; what moves is shown
  * where it was then (plus half its echo's delay). */
 double frames_delay_instant_s(const struct frames_config *cfg, bool down);

@@ -48,6 +48,10 @@ struct frames {
     struct frames_scratch *own; /* [threads] */
     float scale;                /* of the sum */
     float *image;
+    float *alone;       /* [voxels] of the newest ping; NULL where phases add up */
+    struct grid blocks; /* of its image's means... */
+    size_t block[3];    /* ...over so many voxels */
+    float *means;       /* [blocks]; NULL likewise */
 };
 
 static inline size_t frames_planes(const struct frames *f)

@@ -124,17 +124,28 @@ static void add_scaled(size_t n, float scale, const float *restrict x,
 }
 
 VECTOR_CLONES
-static void make_up_for_range(const struct frames *f, const struct tile *t,
+static void make_up_for_range(const struct frames *f, const struct tile *t, float scale,
                               float *restrict power)
 {
     float x = (float)f->centre_m[0], y = (float)f->centre_m[1], z = (float)f->centre_m[2];
-    float spread2 = (float)(f->spread_m * f->spread_m), scale = f->scale;
+    float spread2 = (float)(f->spread_m * f->spread_m);
     size_t n = t->whole;
     for (size_t v = 0; v < n; v++) {
         float dx = t->position[0][v] - x, dy = t->position[1][v] - y;
         float dz = t->position[2][v] - z;
         power[v] *= scale * (dx * dx + dy * dy + dz * dz + spread2);
     }
+}
+
+static void keep_alone(const struct frames *f, struct tile *t, const float *part)
+{
+    const struct held *h = &f->held[f->newest];
+
+    memset(t->squares, 0, sizeof t->squares);
+    add_scaled(t->whole, h->scale, part, t->squares);
+    make_up_for_range(f, t, 1.0f, t->squares);
+    for (size_t v = 0; v < t->n; v++)
+        f->alone[t->number[v]] = t->squares[v];
 }
 
 static void image_tile(void *ctx, size_t item, size_t thread)
@@ -154,11 +165,13 @@ static void image_tile(void *ctx, size_t item, size_t thread)
             make_part(f, h, own, part);
         for (size_t a = 0; a < planes; a++)
             add_scaled(t->whole, h->scale, part + a * TILE_VOXELS, total[a]);
+        if (f->alone && k == f->newest)
+            keep_alone(f, t, part);
     }
     float *power = planes == 2 ? t->squares : total[0];
     if (planes == 2)
         take_power(t->whole, total[0], total[1], power);
-    make_up_for_range(f, t, power);
+    make_up_for_range(f, t, f->scale, power);
     for (size_t v = 0; v < t->n; v++)
         f->image[t->number[v]] = power[v];
 }

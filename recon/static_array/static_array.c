@@ -310,6 +310,8 @@ void static_array_image(struct static_array *s, struct volume *out)
     out->method = "frames";
     out->standing_left = part > 0.0;
     out->standing_taken = s->cfg.moving_only && !(part > 0.0);
+    if (!out->standing_left)
+        out->newest = frames_newest(s->frames, &out->blocks);
     out->pings_used = s->made.pings;
     out->pings_expected = s->n_pings;
     out->microphones_masked = s->made.microphones_masked;

@@ -90,6 +90,7 @@ static void a_volume_comes_back(void **state)
 {
     (void)state;
     float intensity[2][3][4];
+    float newest[3][1][2];
     const struct volume v = {.survey_id = 11,
                              .capture_ns = 12,
                              .scan = 13,
@@ -98,6 +99,10 @@ static void a_volume_comes_back(void **state)
                                       .step_m = {0.01, 0.02, 0.03},
                                       .n = {4, 3, 2}},
                              .intensity = &intensity[0][0][0],
+                             .blocks = {.origin_m = {-0.05, 0.3, 1.6},
+                                        .step_m = {0.08, 0.09, 0.1},
+                                        .n = {2, 1, 3}},
+                             .newest = &newest[0][0][0],
                              .method = "frames",
                              .source = SURVEY_SIMULATION,
                              .sound_speed_m_s = 340.5,
@@ -115,6 +120,8 @@ static void a_volume_comes_back(void **state)
 
     for (int i = 0; i < 24; i++)
         (&intensity[0][0][0])[i] = (float)i;
+    for (int i = 0; i < 6; i++)
+        (&newest[0][0][0])[i] = (float)(2 * i);
     volume_to_message(&v, &view, &m);
     Anlos__Volume *came = (Anlos__Volume *)sent(&m.base);
     volume_from_message(&back, came, v.capture_ns);
@@ -124,6 +131,8 @@ static void a_volume_comes_back(void **state)
     assert_int_equal(back.frame, 14);
     assert_memory_equal(&back.grid, &v.grid, sizeof v.grid);
     assert_memory_equal(back.intensity, intensity, sizeof intensity);
+    assert_memory_equal(&back.blocks, &v.blocks, sizeof v.blocks);
+    assert_memory_equal(back.newest, newest, sizeof newest);
     assert_string_equal(back.method, "frames");
     assert_int_equal(back.source, SURVEY_SIMULATION);
     assert_true(back.sound_speed_m_s == 340.5 && back.preview);
@@ -137,6 +146,30 @@ static void a_volume_comes_back(void **state)
     volume_from_message(&back, came, 0);
     assert_null(back.intensity);
     anlos__volume__free_unpacked(came, NULL);
+}
+
+/* From whoever sends: not more of them than there are voxels. */
+static void more_blocks_than_voxels_are_none(void **state)
+{
+    (void)state;
+    float intensity[2] = {1.0f, 2.0f}, newest[3] = {1.0f, 2.0f, 3.0f};
+    struct volume v = {.grid = {{0, 0, 1}, {0.1, 0.1, 0.1}, {2, 1, 1}},
+                       .intensity = intensity,
+                       .blocks = {{0, 0, 1}, {0.1, 0.1, 0.1}, {2, 1, 1}},
+                       .newest = newest,
+                       .method = "frames"};
+
+    for (size_t n = 2; n <= 3; n++) {
+        struct volume_view view;
+        struct volume back;
+        Anlos__Volume m;
+        v.blocks.n[0] = n;
+        volume_to_message(&v, &view, &m);
+        Anlos__Volume *came = (Anlos__Volume *)sent(&m.base);
+        volume_from_message(&back, came, 0);
+        assert_true((back.newest != NULL) == (n == 2));
+        anlos__volume__free_unpacked(came, NULL);
+    }
 }
 
 static void a_ping_is_read_as_it_was_sent(void **state)
@@ -401,6 +434,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(traces_come_back),
         cmocka_unit_test(a_volume_comes_back),
+        cmocka_unit_test(more_blocks_than_voxels_are_none),
         cmocka_unit_test(a_ping_is_read_as_it_was_sent),
         cmocka_unit_test(objects_are_listed_as_they_are),
         cmocka_unit_test(walls_come_back),

@@ -269,6 +269,73 @@ static void where_nothing_moves_a_new_image_costs_one_ping(void **state)
     still_stop(&s);
 }
 
+static double mean_of_block(const struct still *s, const float *image, size_t x, size_t z,
+                            size_t side)
+{
+    const struct grid *g = &s->bumper.cfg.grid;
+    double sum = 0.0;
+    size_t n = 0;
+    for (size_t k = z * side; k < (z + 1) * side && k < g->n[2]; k++)
+        for (size_t i = x * side; i < (x + 1) * side && i < g->n[0]; i++, n++)
+            sum += image[k * g->n[0] + i];
+    return sum / (double)n;
+}
+
+/* Blocks of 7 x 7 voxels, 8.4 cm, and what is left of the grid at its end. */
+static void the_newest_ping_alone_is_told_in_means_over_blocks(void **state)
+{
+    (void)state;
+    enum { BLOCK = 7 };
+    static float image[VOXELS], alone[VOXELS];
+    struct still s;
+    struct grid blocks;
+    struct frames_made made;
+    still_start(&s, FRAMES_POWER, SPEAKERS);
+    struct frames *f = bumper_frames(&s.bumper);
+    s.bumper.cfg.n_pings = 1;
+    struct frames *one = bumper_frames(&s.bumper);
+    for (size_t k = 0; k < 2 * SPEAKERS; k++) {
+        still_add(&s, f, k, NULL);
+        still_add(&s, one, k, NULL);
+        frames_image(f, NULL, image, &made);
+        frames_image(one, NULL, alone, &made);
+        const float *newest = frames_newest(f, &blocks);
+        assert_non_null(newest);
+        assert_int_equal(blocks.n[0], SIDE / BLOCK);
+        assert_int_equal(blocks.n[1], 1);
+        assert_int_equal(blocks.n[2], SIDE / BLOCK);
+        assert_near(blocks.step_m[2], 0.084, 1e-9);
+        assert_near(blocks.origin_m[0], s.bumper.cfg.grid.origin_m[0] + 0.036, 1e-9);
+        for (size_t z = 0; z < blocks.n[2]; z++)
+            for (size_t x = 0; x < blocks.n[0]; x++) {
+                double mean = mean_of_block(&s, alone, x, z, BLOCK);
+                assert_near(newest[z * blocks.n[0] + x], mean, 1e-5 * mean);
+            }
+    }
+    frames_spoil(f);
+    frames_image(f, NULL, image, &made);
+    assert_null(frames_newest(f, &blocks));
+    frames_destroy(one);
+    frames_destroy(f);
+    still_stop(&s);
+}
+
+static void phases_that_add_up_tell_of_no_ping_alone(void **state)
+{
+    (void)state;
+    static float image[VOXELS];
+    struct still s;
+    struct grid blocks;
+    struct frames_made made;
+    still_start(&s, FRAMES_COHERENT, SPEAKERS);
+    struct frames *f = bumper_frames(&s.bumper);
+    still_add(&s, f, 0, NULL);
+    frames_image(f, NULL, image, &made);
+    assert_null(frames_newest(f, &blocks));
+    frames_destroy(f);
+    still_stop(&s);
+}
+
 static void what_lies_before_the_gate_is_mute(void **state)
 {
     (void)state;
@@ -412,6 +479,8 @@ int main(void)
         cmocka_unit_test(masked_microphones_do_not_count),
         cmocka_unit_test(a_sliding_image_is_one_made_from_scratch),
         cmocka_unit_test(where_nothing_moves_a_new_image_costs_one_ping),
+        cmocka_unit_test(the_newest_ping_alone_is_told_in_means_over_blocks),
+        cmocka_unit_test(phases_that_add_up_tell_of_no_ping_alone),
         cmocka_unit_test(what_lies_before_the_gate_is_mute),
         cmocka_unit_test(what_is_imaged_ends_where_the_traces_do),
         cmocka_unit_test(pings_that_are_too_old_are_left_out),

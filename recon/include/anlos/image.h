@@ -27,6 +27,12 @@ struct anlos_image {
     uint64_t clipped_samples;
     bool standing_left;  /* what stands was to be taken away, and may still be in it */
     bool standing_taken; /* it was taken away, from all of it: remains may be left */
+    /* Of a static array the newest ping's image alone, as means over blocks of voxels, of
+     * which the middles lie likewise; a tracker sees earlier by it who comes.  NULL:
+     * none, or what stands is in it. */
+    const float *newest; /* [newest_n[2]][newest_n[1]][newest_n[0]] */
+    double newest_origin_m[3], newest_step_m[3];
+    size_t newest_n[3];
 };
 
 #endif

@@ -53,6 +53,12 @@ def _call(function, *arguments) -> int:
     return result
 
 
+def _copied(x, n):
+    """float [n[2]][n[1]][n[0]] of the library's."""
+    buffer = _ffi.buffer(x, 4 * n[0] * n[1] * n[2])
+    return numpy.frombuffer(buffer, numpy.float32).reshape((n[2], n[1], n[0])).copy()
+
+
 def _vector(values, n=None):
     """double [n], as the library takes it."""
     a = numpy.ascontiguousarray(values, dtype=numpy.float64)
@@ -369,13 +375,12 @@ class Pipeline:
     def image(self) -> Image:
         """The newest, copied."""
         s = self._filled("image")
-        shape = (s.n[2], s.n[1], s.n[0])
-        buffer = _ffi.buffer(s.intensity, 4 * shape[0] * shape[1] * shape[2])
         facts = _values(s)
-        for name in ("size", "intensity", "n"):
+        for name in ("size", "intensity", "n", "newest", "newest_n"):
             del facts[name]
-        return Image(numpy.frombuffer(buffer, numpy.float32).reshape(shape).copy(),
-                     facts.pop("origin_m"), facts.pop("step_m"), facts)
+        facts["newest"] = _copied(s.newest, s.newest_n) if s.newest != _ffi.NULL else None
+        return Image(_copied(s.intensity, s.n), facts.pop("origin_m"), facts.pop("step_m"),
+                     facts)
 
     def objects(self) -> Objects:
         """The newest list of detections, or of tracks of a static array."""
