@@ -5,6 +5,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+/* In the frame it is rounded; 1 would say that in one direction nothing is off at all. */
+#define MOST_CORRELATION 0.96
+
 struct worth {
     double existence; /* in tenths; -1: it is no probability, and less than any */
     double distance_m;
@@ -235,7 +238,9 @@ static void fill_place(struct can_object *o, const Anlos__Detection *d)
         o->sigma_m[0] = sigma_of(c[0]);
         o->sigma_m[1] = sigma_of(c[3]);
         double product = o->sigma_m[0] * o->sigma_m[1];
-        o->correlation = product <= 0.0 ? 0.0 : c[1] / product;
+        double r = product <= 0.0 ? 0.0 : c[1] / product;
+        bool none = !(fabs(r) <= 1.0); /* of no covariance: fit() counts it */
+        o->correlation = none ? r : copysign(fmin(fabs(r), MOST_CORRELATION), r);
     }
     if (d->extent_m) { /* in the position's frame */
         o->length_m = d->extent_m->x;

@@ -426,6 +426,28 @@ static void a_variance_that_is_none_never_looks_like_certainty(void **state)
     assert_true(isnan(o.sigma_v_m_s));
 }
 
+/* As of one who is heard along a line: in the frame 0.99 would be 1, and singular. */
+static void a_correlation_that_is_nearly_one_is_none_that_is(void **state)
+{
+    static const double said[][2] = {
+        {0.99, 0.96}, {-0.995, -0.96}, {0.92, 0.92}, {1, 0.96}};
+
+    (void)state;
+    for (size_t i = 0; i < sizeof said / sizeof *said; i++) {
+        struct sender s;
+        struct list l;
+        struct sender_list sent;
+        struct can_object o;
+        init(&s, 0x400);
+        fill_tracks(&l, 1);
+        l.covariance[0] = l.covariance[3] = 0.04;
+        l.covariance[1] = 0.04 * said[i][0];
+        send(&s, &l, 50, &sent);
+        assert_int_equal(can_unpack_object_quality(&sent.frames[4], &o), 0);
+        assert_near(o.correlation, said[i][1], 1e-9);
+    }
+}
+
 /* As the frames say it. */
 static struct can_object said_of_first(const struct sender *s,
                                        const struct sender_list *sent)
@@ -1106,6 +1128,7 @@ int main(void)
         cmocka_unit_test(no_place_beyond_its_wall_leaves),
         cmocka_unit_test(a_track_says_how_it_moves),
         cmocka_unit_test(a_variance_that_is_none_never_looks_like_certainty),
+        cmocka_unit_test(a_correlation_that_is_nearly_one_is_none_that_is),
         cmocka_unit_test(a_place_out_of_the_range_of_its_frame_is_not_sent),
         cmocka_unit_test(so_is_a_speed_and_the_place_stays),
         cmocka_unit_test(nor_is_what_is_no_probability_age_size_or_covariance),
