@@ -25,6 +25,10 @@
 #define TOUCH         1.01 /* steps from a voxel to its farthest neighbour, and rounding */
 #define MAP_NOISE     1.5  /* what a map knows of noise alone is less, times its mean */
 #define MAP_FACTOR    4.0  /* over what else it knows */
+#define PROVEN        0.95 /* that pings show something which their sum does not */
+#define PROVEN_M      0.5  /* from the middle of an object */
+#define FAINT         2.0  /* over the noise, in that sum */
+#define FAINT_M       0.3  /* at most from where the pings show it */
 #define RANK          0.75 /* of the ordered training cells: a quarter may be objects */
 
 struct search {
@@ -261,6 +265,71 @@ static void describe(const struct search *s, const struct region *r, double stro
     d->shape = guess_shape(s, r);
 }
 
+static void ask_pings(const struct search *s, struct detection *d)
+{
+    const struct occupancy *o = s->cfg->occupied;
+
+    d->proven = o ? occupancy_near(o, d->position_m, PROVEN_M) : 0.0;
+    d->lately = o ? occupancy_lately(o, d->position_m, FAINT_M) : -1.0;
+}
+
+/* The brightest voxel about a spot; false: none is over the noise. */
+static bool find_faint(const struct search *s, const double at_m[3], size_t *voxel)
+{
+    const struct grid *g = s->grid;
+    float brightest = 0.0f;
+
+    for (size_t v = 0; v < grid_size(g); v++) {
+        size_t at[3];
+        double away2 = 0.0;
+        if (!(s->volume[v] > brightest))
+            continue;
+        grid_place(g, v, at);
+        for (int a = 0; a < 3; a++) {
+            double off = g->origin_m[a] + g->step_m[a] * (double)at[a] - at_m[a];
+            away2 += off * off;
+        }
+        if (away2 > FAINT_M * FAINT_M)
+            continue;
+        brightest = s->volume[v];
+        *voxel = v;
+    }
+    if (!(brightest > 0.0f))
+        return false;
+    double noise = cfar_at(s->cfg->cfar, s->volume, *voxel).noise;
+    return noise > 0.0 && (double)brightest > FAINT * noise + residue(s, *voxel, noise);
+}
+
+/* What single pings have shown, and their sum does not yet. */
+static size_t add_faint(const struct search *s, double strongest, struct detection *out,
+                        size_t n, size_t max)
+{
+    struct occupancy_spot spots[16];
+    size_t found = occupancy_spots(s->cfg->occupied, PROVEN, 2.0 * PROVEN_M, spots, 16);
+    size_t seen = n;
+
+    for (size_t k = 0; k < found && n < max; k++) {
+        struct region r = {.sum = 0.0};
+        bool known = false;
+        for (size_t i = 0; i < seen; i++)
+            known |= geometry_distance(out[i].position_m, spots[k].at_m) < 2.0 * PROVEN_M;
+        if (known || !find_faint(s, spots[k].at_m, &r.peak))
+            continue;
+        grid_place(s->grid, r.peak, r.low);
+        memcpy(r.high, r.low, sizeof r.high);
+        r.sum = (double)s->volume[r.peak];
+        for (int a = 0, e = 0; a < 3; a++) {
+            r.moment[a] = r.sum * (double)r.low[a];
+            for (int b = a; b < 3; b++, e++)
+                r.second[e] = r.sum * (double)r.low[a] * (double)r.low[b];
+        }
+        describe(s, &r, strongest, &out[n]);
+        out[n].existence = spots[k].probability;
+        n++;
+    }
+    return n;
+}
+
 static bool stands_out(void *state, size_t voxel)
 {
     const struct search *s = state;
@@ -312,6 +381,10 @@ int detect_objects(const struct detect_config *cfg, const struct grid *grid,
                        cfg->cfar ? stands_out : NULL, &s);
     for (size_t r = 0; !err && r < found.n && *n < max; r++)
         describe(&s, &found.at[r], strongest, &out[(*n)++]);
+    if (!err && cfg->cfar && cfg->occupied)
+        *n = add_faint(&s, strongest, out, *n, max);
+    for (size_t i = 0; !err && i < *n; i++)
+        ask_pings(&s, &out[i]);
     regions_clear(&found);
     return err;
 }

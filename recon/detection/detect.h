@@ -10,6 +10,7 @@
 
 #include "dsp/cfar.h"
 #include "dsp/cfar_map.h"
+#include "recon/detection/occupancy.h"
 #include "recon/detection/shape.h"
 #include "recon/grid.h"
 
@@ -27,6 +28,8 @@ struct detect_config {
                                      * (recon/detection/clean); NULL: not done.  Not owned. */
     const struct cfar_map *map;     /* with cfar: of this grid; NULL: none.  Not owned. */
     bool clipped;                   /* what is less than nothing is 0 */
+    const struct occupancy *occupied; /* with cfar: by what single pings tell, too; NULL:
+                                       * they are not at hand.  Not owned. */
     bool followed;           /* by tracks, which know themselves that an object may go on
                               * beyond a border: its place is that of what is seen of it */
     bool multipath;          /* for objects_find: echoes of others are told (default) */
@@ -44,14 +47,18 @@ enum multipath { /* how an echo came (recon/detection/multipath.h) */
 
 struct detection {
     double position_m[3]; /* array frame, as imaged (virtual) */
-    double
-        covariance_m2[6]; /* xx xy xz yy yz zz; PEAK_UNKNOWN_M along what the image
-                           * does not tell; beside a border at least what is seen of it,
-                           * beside an end in depth the front of an echo (sideways) */
-    unsigned at_border;   /* PEAK_BORDER (peak.h): it may lie beyond, or go on */
-    double level_db;      /* above the noise floor */
-    double existence;     /* 0..1 */
-    double extent_m[3];   /* full size of what is above half amplitude; 0: a point */
+    /* xx xy xz yy yz zz; PEAK_UNKNOWN_M along what the image does not tell; beside a
+     * border at least what is seen of it, beside an end in depth the front of an echo
+     * (sideways)
+     */
+    double covariance_m2[6];
+    unsigned at_border; /* PEAK_BORDER (peak.h): it may lie beyond, or go on */
+    double level_db;    /* above the noise floor */
+    double existence;   /* 0..1 */
+    double proven;      /* by the pings one by one: it has come, 0..1; 0: not known */
+    double lately;      /* how bright it was there, over how bright it is
+                         * (occupancy_lately); below 0: not known */
+    double extent_m[3]; /* full size of what is above half amplitude; 0: a point */
     struct shape_guess shape;
     enum multipath multipath;
     size_t of[2]; /* then: the objects that make it, among those that were found with it;

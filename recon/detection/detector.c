@@ -9,6 +9,7 @@
 
 #include "recon/detection/detect_learn.h"
 #include "recon/imaging/imager.h"
+#include "recon/tracking/sidelobes.h"
 #include "recon/tracking/timing.h"
 
 void detector_init(struct detector *d, const struct detector_config *cfg)
@@ -23,6 +24,8 @@ static void forget_cells(struct detector *d)
         d->cells[i] = NULL;
     }
     cfar_map_destroy(d->map);
+    occupancy_destroy(d->occupied);
+    d->occupied = NULL;
     free(d->held);
     d->map = NULL;
     d->held = NULL;
@@ -89,6 +92,28 @@ static int find_cells(struct detector *d, const struct volume *volume,
     return err;
 }
 
+/* A ping that shows what stands, or nothing, tells of nobody who comes. */
+static int follow_pings(struct detector *d, const struct volume *volume)
+{
+    const struct grid *blocks = &volume->blocks;
+    struct sidelobe_array array;
+
+    if (volume->standing_left && d->occupied)
+        occupancy_reset(d->occupied);
+    if (!volume->newest || d->cfg.cfar == CFAR_OFF)
+        return 0;
+    if (d->occupied && memcmp(&d->blocks, blocks, sizeof *blocks)) {
+        occupancy_destroy(d->occupied);
+        d->occupied = NULL;
+    }
+    sidelobe_array_measure(&array, &d->survey);
+    int err = d->occupied ? 0 : occupancy_create(&d->occupied, blocks, &array);
+    d->blocks = *blocks;
+    if (!err)
+        occupancy_step(d->occupied, volume->newest, volume->capture_ns);
+    return err;
+}
+
 /* Images whose pings overlap say the same again: one for each round of the speakers is
  * learnt from, once a round is whole. */
 static bool learns(struct detector *d, const struct volume *volume)
@@ -105,6 +130,8 @@ static bool learns(struct detector *d, const struct volume *volume)
 
 static bool is_image(const struct grid *grid, const float *intensity)
 {
+    if (!intensity)
+        return false;
     for (size_t i = 0; i < grid_size(grid); i++)
         if (!(intensity[i] >= 0.0f && intensity[i] <= FLT_MAX))
             return false;
@@ -119,7 +146,8 @@ int detector_volume(struct detector *d, const struct volume *volume,
 
     if (!d->has_survey || volume->survey_id != d->survey_id)
         return error_say(why, -EAGAIN, "the survey of a volume is not known yet");
-    if (!volume->intensity || !is_image(grid, volume->intensity))
+    if (!is_image(grid, volume->intensity) ||
+        (volume->newest && !is_image(&volume->blocks, volume->newest)))
         return error_say(why, -EINVAL,
                          "a volume without a grid or with intensities that "
                          "are not numbers");
@@ -131,6 +159,9 @@ int detector_volume(struct detector *d, const struct volume *volume,
     detect_config_method(&cfg, volume->method, grid);
     settle(d, volume);
     int err = find_cells(d, volume, &cfg);
+    if (!err)
+        err = follow_pings(d, volume);
+    cfg.occupied = d->occupied;
     if (!err && cfg.cfar && cfg.learns && !d->settling)
         err = detect_learn(d->cells[1], grid, volume->intensity);
     if (err == -EINVAL)
@@ -181,12 +212,16 @@ void detector_learn(struct detector *d, const struct volume *volume,
     for (size_t i = 0; i < n; i++)
         hold(d, held[i], held_m);
     cfar_map_learn(d->map, volume->intensity, d->held, volume->capture_ns);
+    if (d->occupied && volume->newest)
+        occupancy_learn(d->occupied, held, n, held_m);
 }
 
 void detector_forget(struct detector *d)
 {
     if (d->map)
         cfar_map_reset(d->map);
+    if (d->occupied)
+        occupancy_reset(d->occupied);
 }
 
 void detector_clear(struct detector *d)

@@ -33,7 +33,9 @@ struct detector {
                             * all: of a vehicle that sets off and stops again it would
                             * else not know enough when it is asked */
     struct cfar_map *map;  /* the same */
-    bool *held;            /* [voxels], scratch */
+    struct occupancy *occupied; /* by pings one by one, on blocks; NULL: none told yet */
+    struct grid blocks;
+    bool *held; /* [voxels], scratch */
     struct grid cells_grid;
     uint32_t frame, learnt_frame; /* of the newest image, and the newest learnt from */
     uint32_t counter;             /* of lists */

@@ -40,6 +40,8 @@ struct object {
     double virtual_m[3]; /* as imaged, in the array frame; of a track: where its echo is,
                             the middle of what is heard of it */
     double existence;    /* 0..1; of a track: of it and its wall */
+    double lately;       /* as struct detection has it; of no track */
+    double proven;       /* 0..1, as single pings tell (struct detection); of no track */
     double level_db;     /* above the noise floor of the image */
     struct shape_guess shape;
     unsigned at_border; /* PEAK_BORDER (recon/detection/peak.h) */

@@ -22,8 +22,9 @@
 
 /* A background has of what was there for k of its n rounds a k-th of n, and leaves that
  * as a hole: of 28 dB over what is around, the most that is seen, during a fifth of it.
- */
+ * For images that do not tell by single pings how bright it was there. */
 #define REMAINS_DB 14.0
+#define PROVEN     0.95
 
 /* What came so far is something that moves, also when it stands. */
 #define TRAVELLED_M 0.6
@@ -288,6 +289,16 @@ static void hear(const struct sight *sight, const struct track_array *array,
     out->range_m = hypot(away_m[0], away_m[1]);
 }
 
+/* The power that a background may have left where it is: what single pings have shown to
+ * come may not be as faint as a hole is, but no brighter than it was there lately. */
+static double remains(const struct object *o)
+{
+    double known_db = o->proven < PROVEN ? REMAINS_DB
+                                         : o->level_db + 10.0 * log10(o->lately + 1e-9);
+
+    return pow(10.0, 0.1 * fmin(known_db, REMAINS_DB));
+}
+
 /* The wall's error is the same for all images: no filter takes it for noise.  It comes
  * back when tracks are listed. */
 static void take_detection(const struct object_tracker *t, const struct sight *sight,
@@ -299,8 +310,10 @@ static void take_detection(const struct object_tracker *t, const struct sight *s
 
     sight_wall_error(sight, o->place.wall, v, wall_m2);
     *out = (struct track_detection){.existence = o->existence,
+                                    .proven = o->proven,
                                     .mirror = o->place.wall,
                                     .power = pow(10.0, 0.1 * o->level_db),
+                                    .remains = volume->standing_taken ? remains(o) : 0.0,
                                     .height_assumed = sight->grid->n[1] == 1};
     memcpy(out->position_m, o->place.position_m, sizeof out->position_m);
     memcpy(out->extent_m, o->place.extent_m, sizeof out->extent_m);
@@ -415,21 +428,20 @@ static int follow(struct object_tracker *t, const struct volume *volume,
 {
     int64_t capture_ns = volume->capture_ns;
     double dt_s = 1e-9 * (double)(capture_ns - t->stamp_ns);
-    struct track_scan scan = {
-        .stamp_ns = capture_ns,
-        .detections = t->detections,
-        .fresh = t->stamp_ns && dt_s > 0.0
-                     ? timing_fresh(&t->detector.survey, volume->pings_used, dt_s,
-                                    t->cfg.look_s)
-                     : 1.0,
-        .clutter_m2 = t->cfg.clutter / floor_m2(sight->grid),
-        .standing_left = shows_standing(t, volume),
-        .settling = t->detector.settling,
-        .remains = volume->standing_taken ? pow(10.0, 0.1 * REMAINS_DB) : 0.0,
-        .ego_known = true,
-        .stands_before = sight_stands_before,
-        .shows = sight_shows,
-        .context = sight};
+    struct track_scan scan = {.stamp_ns = capture_ns,
+                              .detections = t->detections,
+                              .fresh = t->stamp_ns && dt_s > 0.0
+                                           ? timing_fresh(&t->detector.survey,
+                                                          volume->pings_used, dt_s,
+                                                          t->cfg.look_s)
+                                           : 1.0,
+                              .clutter_m2 = t->cfg.clutter / floor_m2(sight->grid),
+                              .standing_left = shows_standing(t, volume),
+                              .settling = t->detector.settling,
+                              .ego_known = true,
+                              .stands_before = sight_stands_before,
+                              .shows = sight_shows,
+                              .context = sight};
 
     if (t->stamp_ns && dt_s > 0.0)
         scan.ego_known = move_between(t, t->stamp_ns, capture_ns, &scan.ego);

@@ -12,6 +12,7 @@
 #define WALK_SHARE       0.3        /* of the power density of acceleration */
 #define EXTENT_SHARE     0.3        /* of the newest look at it */
 #define STARTED          TRACKS_MAX /* owner of what a track begins with */
+#define NEWCOMER_M       1.5        /* from anybody who is known */
 #define MISSED_LOOKS     0.5        /* after more of them it may be something else */
 #define LONGEST_S        60.0       /* nothing is predicted farther */
 
@@ -140,7 +141,7 @@ static void judge_rest(const struct tracker *t, const struct track_scan *scan,
     if (look->range_m > 0.0)
         track_rest_add(&k->rest, look, fresh, scan->stamp_ns, t->cfg.rest_s);
     k->power += (k->power > 0.0 ? EXTENT_SHARE : 1.0) * (power - k->power);
-    if ((taken && (k->id || k->power >= scan->remains)) ||
+    if ((taken && (k->id || k->power >= scan->detections[k->detection].remains)) ||
         track_rest_moves(&k->rest, taken) || (k->id && track_rest_misfit(&k->rest) > 1.0))
         k->moves_ns = scan->stamp_ns;
 }
@@ -161,6 +162,21 @@ static void measure_height(const struct tracker *t, const struct track_detection
     track_turn_matrix(t->pose.dyaw, h, k->height_m2);
 }
 
+/* Pings one by one tell a newcomer; beside somebody they tell of his limbs and wheels. */
+static void prove(const struct tracker *t, const struct track_scan *scan, struct track *k)
+{
+    const double *at_m = t->positions[k->detection].at_m;
+
+    for (size_t i = 0; i < t->n; i++) {
+        const struct track *other = &t->tracks[i];
+        const double *its_m = other->filter.state;
+        if (other != k && other->id &&
+            hypot(at_m[0] - its_m[0], at_m[1] - its_m[1]) < NEWCOMER_M)
+            return;
+    }
+    track_life_prove(&k->life, &t->life, scan->detections[k->detection].proven);
+}
+
 /* The part of the scan's detections that belongs to the track. */
 static void continue_track(struct tracker *t, const struct track_scan *scan, size_t i,
                            const size_t *whose, double fresh)
@@ -175,6 +191,7 @@ static void continue_track(struct tracker *t, const struct track_scan *scan, siz
     double seen = t->cfg.detection_probability;
     double ratio = 1.0 - seen + seen * m.density / scan->clutter_m2;
     track_life_update(&k->life, &t->life, true, ratio, fresh);
+    prove(t, scan, k);
     if (k->body.n) {
         track_body_update(t, scan, whose, i, fresh);
     } else {
@@ -313,6 +330,7 @@ static void start_track(struct tracker *t, const struct track_scan *scan,
     track_filter_start(&k->filter, &middle, t->cfg.new_speed_m_s);
     k->steady = k->filter;
     track_life_start(&k->life, &t->life, t->cfg.new_existence * existence);
+    prove(t, scan, k);
     k->state = TRACK_MEASURED;
     k->first_ns = k->seen_ns = scan->stamp_ns;
     track_mirror_measured(t, scan, k, scan->detections[k->detection].mirror);

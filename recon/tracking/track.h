@@ -81,8 +81,11 @@ struct track_detection {
     double height_m2[6];                    /* of that, what the assumed height does */
     double extent_m[3];                     /* full size */
     double existence;                       /* 0..1 */
-    double power;                           /* of its echo, any unit, > 0 */
-    double lag_s;                           /* recon/tracking/track_filter.h */
+    double remains; /* a power: what is fainter may be left there of a background that was
+                       subtracted, and has to move before it is named; 0: none is */
+    double proven;  /* 0..1: by pings one by one; 0: not known */
+    double power;   /* of its echo, any unit, > 0 */
+    double lag_s;   /* recon/tracking/track_filter.h */
     bool height_assumed;
     double along_m, range_m; /* as the array heard it, from track_array.at_m */
     double sight[2]; /* along which it was heard, away from the wall; unit, or 0 */
@@ -111,9 +114,7 @@ struct track_scan {
     double clutter_m2;  /* false detections for each square metre */
     bool standing_left; /* what stands, or the hole that it left, is in the image: tracks
                            have to move by themselves */
-    bool settling;  /* it was until a moment ago: what is left of it may still be there */
-    double remains; /* a power: what is fainter may be left of a background that was
-                       subtracted, and has to move before it is named; 0: none is */
+    bool settling; /* it was until a moment ago: what is left of it may still be there */
     struct track_array array;
     struct ego_step ego; /* since the scan before */
     bool ego_known;

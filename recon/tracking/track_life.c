@@ -48,6 +48,13 @@ void track_life_update(struct track_life *l, const struct track_life_config *cfg
     confirm(l, cfg);
 }
 
+void track_life_prove(struct track_life *l, const struct track_life_config *cfg,
+                      double existence)
+{
+    l->existence = fmax(l->existence, fmin(existence, SUREST));
+    l->confirmed |= cfg->confirm_existence > 0.0 && existence >= cfg->confirm_existence;
+}
+
 bool track_life_is_over(const struct track_life *l, const struct track_life_config *cfg)
 {
     if (l->existence < cfg->delete_existence)

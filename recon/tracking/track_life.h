@@ -42,6 +42,11 @@ void track_life_predict(struct track_life *l, const struct track_life_config *cf
 void track_life_update(struct track_life *l, const struct track_life_config *cfg,
                        bool seen, double ratio, double fresh);
 
+/* Somebody else has looked at it ping by ping, and is so sure that it is there: as sure
+ * as confirm_existence, it is confirmed. */
+void track_life_prove(struct track_life *l, const struct track_life_config *cfg,
+                      double existence);
+
 /* Too unlikely, or not to be confirmed any more. */
 bool track_life_is_over(const struct track_life *l, const struct track_life_config *cfg);
 

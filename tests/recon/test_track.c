@@ -791,11 +791,12 @@ static void what_a_background_leaves_has_to_move(void **state)
 
     begin_with_what_stands(r);
     r->scan.standing_left = false;
-    r->scan.remains = 2.0;
     for (int k = 0; k < 30; k++) {
         see_heard(r, 4.0, 2.0);
         see_heard(r, 4.0, -3.0);
         see_heard(r, 5.0, -2.0 + 0.3 * (k < 20 ? k : 20));
+        for (int i = 0; i < 3; i++)
+            r->detections[i].remains = 2.0;
         step(r);
         for (size_t i = 0; i < r->n; i++)
             assert_near(r->reports[i].position_m[0], 5.0, 0.1);
@@ -810,10 +811,10 @@ static void what_a_background_cannot_have_left_is_told_at_rest(void **state)
 
     begin_with_what_stands(r);
     r->scan.standing_left = false;
-    r->scan.remains = 2.0;
     for (int k = 0; k < 8; k++) {
         see_heard(r, 4.0, 2.0);
         r->detections[0].power = 3.0;
+        r->detections[0].remains = 2.0;
         step(r);
     }
     assert_int_equal(r->n, 1);

@@ -92,6 +92,27 @@ static void existence_can_be_asked_for_too(void **state)
     assert_true(l.confirmed);
 }
 
+/* As surely as is asked for; where M of N decides alone it decides. */
+static void who_was_proven_elsewhere_is_confirmed(void **state)
+{
+    struct track_life_config asks = three_of_five;
+    struct track_life l;
+
+    (void)state;
+    asks.confirm_existence = 0.95;
+    track_life_start(&l, &asks, 0.3);
+    track_life_prove(&l, &asks, 0.94);
+    assert_near(l.existence, 0.94, 1e-12);
+    assert_false(l.confirmed);
+    track_life_prove(&l, &asks, 0.95);
+    assert_true(l.confirmed);
+    track_life_prove(&l, &asks, 0.5); /* known better already */
+    assert_near(l.existence, 0.95, 1e-12);
+    track_life_start(&l, &three_of_five, 0.3);
+    track_life_prove(&l, &three_of_five, 0.99);
+    assert_false(l.confirmed);
+}
+
 static void what_becomes_unlikely_is_over(void **state)
 {
     struct track_life_config cfg = three_of_five;
@@ -119,6 +140,7 @@ int main(void)
         cmocka_unit_test(overlapping_images_say_it_once),
         cmocka_unit_test(a_look_counts_when_half_of_it_saw),
         cmocka_unit_test(existence_can_be_asked_for_too),
+        cmocka_unit_test(who_was_proven_elsewhere_is_confirmed),
         cmocka_unit_test(what_becomes_unlikely_is_over),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
