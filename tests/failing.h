@@ -5,7 +5,9 @@
  * what it was to make; it leaves no memory and no descriptor behind.
  *
  * The linker puts these in the place of the real ones (--wrap), for what is linked into
- * the test; libraries call their own. */
+ * the test.  What libraries take of malloc on our behalf fails as well (the C library's,
+ * protobuf-c, libyaml, zstd, lz4 ...), but with AddressSanitizer, whose it is then; not
+ * that of nanomsg and ZeroMQ, which end the process when there is none. */
 #ifndef ANLOS_TESTS_FAILING_H
 #define ANLOS_TESTS_FAILING_H
 
@@ -25,7 +27,8 @@ struct failing_work {
     bool wordless; /* its errors are numbers: -ENOMEM alone */
 };
 
-/* Fails the test if a run does not end so.  Returns how many calls there were. */
+/* Fails the test if a run does not end so, or one before them in which nothing fails.
+ * Returns how many calls there were. */
 size_t failing_each(const struct failing_work *work);
 
 #endif

@@ -3,7 +3,9 @@
 
 #include <errno.h>
 #include <lz4frame.h>
+#include <string.h>
 #include <zstd.h>
+#include <zstd_errors.h>
 
 static const char *const names[] = {
     [BAG_NONE] = "", [BAG_ZSTD] = "zstd", [BAG_LZ4] = "lz4"};
@@ -24,12 +26,29 @@ int bag_compression_find(enum bag_compression *out, struct bytes name)
     return -ENOTSUP;
 }
 
+/* Both libraries take memory of their own; that there is none is no fault of the data.
+ * other: what any other error is. */
+static int zstd_error(size_t result, int other)
+{
+    if (!ZSTD_isError(result))
+        return 0;
+    return ZSTD_getErrorCode(result) == ZSTD_error_memory_allocation ? -ENOMEM : other;
+}
+
+/* Its codes are no part of the shared library's interface; their names are. */
+static int lz4_error(size_t result, int other)
+{
+    if (!LZ4F_isError(result))
+        return 0;
+    return strcmp(LZ4F_getErrorName(result), "ERROR_allocation_failed") ? other : -ENOMEM;
+}
+
 static int compress_zstd(struct bytes_buffer *out, int level, struct bytes plain)
 {
     if (bytes_reserve(out, ZSTD_compressBound(plain.size)))
         return -ENOMEM;
     out->size = ZSTD_compress(out->data, out->capacity, plain.data, plain.size, level);
-    return ZSTD_isError(out->size) ? -EIO : 0;
+    return zstd_error(out->size, -EIO);
 }
 
 static int compress_lz4(struct bytes_buffer *out, int level, struct bytes plain)
@@ -41,7 +60,7 @@ static int compress_lz4(struct bytes_buffer *out, int level, struct bytes plain)
         return -ENOMEM;
     out->size =
         LZ4F_compressFrame(out->data, out->capacity, plain.data, plain.size, &how);
-    return LZ4F_isError(out->size) ? -EIO : 0;
+    return lz4_error(out->size, -EIO);
 }
 
 int bag_compress(struct bytes_buffer *out, enum bag_compression c, int level,
@@ -65,7 +84,9 @@ static int decompress_zstd(struct bytes_buffer *out, struct bytes packed, size_t
 {
     size_t n = ZSTD_decompress(out->data, size, packed.data, packed.size);
 
-    return !ZSTD_isError(n) && n == size ? 0 : -EBADMSG;
+    int err = zstd_error(n, -EBADMSG);
+
+    return err || n == size ? err : -EBADMSG;
 }
 
 /* Whole frames follow one another until the input ends.  *whole: all of it was used, and
@@ -90,7 +111,7 @@ static int run_lz4(struct bytes_buffer *out, struct bytes packed, size_t size,
     }
     LZ4F_freeDecompressionContext(context);
     *whole = !packed.size && !hint;
-    return 0;
+    return lz4_error(hint, 0);
 }
 
 static int decompress_lz4(struct bytes_buffer *out, struct bytes packed, size_t size)
@@ -109,12 +130,12 @@ static int start_zstd(struct bytes_buffer *out, struct bytes packed, size_t size
 
     if (!context)
         return -ENOMEM;
-    while (in.pos < in.size && to.pos < to.size &&
-           !ZSTD_isError(ZSTD_decompressStream(context, &to, &in)))
-        ;
+    size_t n = 0;
+    while (in.pos < in.size && to.pos < to.size && !ZSTD_isError(n))
+        n = ZSTD_decompressStream(context, &to, &in);
     ZSTD_freeDCtx(context);
     out->size = to.pos;
-    return 0;
+    return zstd_error(n, 0);
 }
 
 int bag_decompress(struct bytes_buffer *out, enum bag_compression c, struct bytes packed,

@@ -21,7 +21,6 @@ struct bag {
     enum bag_compression compression;
     bool cut;   /* its footer was taken away */
     int closed; /* what bag_writer_close returned last */
-    bool loses; /* and says so */
 };
 
 /* -- what is written
@@ -145,7 +144,7 @@ static void check_written(void *context, int err)
 
     if (!b->closed && (unread || bag_check(&faults, b->to, &watch, &why) || faults))
         fail_msg("a bag of %zu messages: %s", n, why.text);
-    if (!err && !b->loses)
+    if (!err)
         assert_int_equal(n, N);
     unlink(b->to);
 }
@@ -276,6 +275,7 @@ static void every_failure_while_looking_through_a_cut_bag_is_told(void **state)
  * ----------------------------------------------------------------------
  */
 
+/* That a bag could not be read for want of memory is no loss of what is in it. */
 static int recover_work(void *context, struct error *why)
 {
     struct bag *b = context;
@@ -283,15 +283,16 @@ static int recover_work(void *context, struct error *why)
     int err = b->closed = bag_recover(&found, b->from, b->to, NULL, why);
 
     if (!err)
-        assert_true(found.n_messages == N || bag_recovery_is_loss(&found));
-    b->loses = !err && found.n_messages < N;
+        assert_int_equal(found.n_messages, N);
     return err;
 }
 
 static void every_failure_while_recovering_is_told(void **state)
 {
-    for (int cut = 0; cut < 2; cut++) {
-        struct bag b = {.chunk_size = 300, .compression = BAG_ZSTD, .cut = cut};
+    for (int i = 0; i < 6; i++) {
+        struct bag b = {.chunk_size = 300,
+                        .compression = (enum bag_compression)(i / 2),
+                        .cut = i % 2};
         make(*state, &b);
         const struct failing_work work = {.name = "recovering",
                                           .run = recover_work,
