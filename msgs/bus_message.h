@@ -20,8 +20,8 @@ struct bus_message {
 /* Frees what m owns and zeroes it; a zeroed one may be freed too. */
 void bus_message_free(struct bus_message *m);
 
-/* Unpacks the payload by the topic's schema.  NULL: it is not one.  Free the result with
- * protobuf_c_message_free_unpacked(m, NULL). */
+/* Unpacks the payload by the topic's schema.  NULL and errno: as message_unpack
+ * (msgs/unpack.h).  Free the result with protobuf_c_message_free_unpacked(m, NULL). */
 ProtobufCMessage *bus_message_unpack(const struct bus_message *m);
 
 #endif

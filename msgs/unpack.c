@@ -1,7 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 #include "msgs/unpack.h"
 
+#include <errno.h>
 #include <stdbool.h>
+#include <stdlib.h>
 
 #include "msgs/bag/bytes.h"
 
@@ -116,15 +118,38 @@ static bool spend_message(struct budget *b, const ProtobufCMessageDescriptor *d,
     return true;
 }
 
+/* What protobuf-c does by itself, but that it is told when there is none. */
+static void *take(void *failed, size_t size)
+{
+    void *p = malloc(size);
+
+    if (!p)
+        *(bool *)failed = true;
+    return p;
+}
+
+static void give_back(void *failed, void *p)
+{
+    (void)failed;
+    free(p);
+}
+
 ProtobufCMessage *message_unpack(const ProtobufCMessageDescriptor *schema, size_t size,
                                  const uint8_t *data)
 {
     struct budget b = {.left = UNPACK_SPARE_BYTES};
+    bool failed = false;
+    ProtobufCAllocator heap = {
+        .alloc = take, .free = give_back, .allocator_data = &failed};
 
+    errno = EBADMSG;
     if (size > (SIZE_MAX - b.left) / 4)
         return NULL;
     b.left += 4 * size;
     if (!spend_message(&b, schema, (struct bytes){data, size}))
         return NULL;
-    return protobuf_c_message_unpack(schema, NULL, size, data);
+    ProtobufCMessage *m = protobuf_c_message_unpack(schema, &heap, size, data);
+    if (!m)
+        errno = failed ? ENOMEM : EBADMSG;
+    return m;
 }

@@ -546,6 +546,9 @@ size_t failing_each(const struct failing_work *work)
         int err = work->run(work->context, &why);
         end();
         const char *what = failed ? failed : "none";
+        if (getenv("FAILING_VERBOSE")) /* for where an assertion of the work fails */
+            print_message("%s, call %zu (%s): %s\n", work->name, n, what,
+                          err ? why.text : "done");
         if (n && (n_live || count_descriptors() != descriptors))
             fail_msg("%s, where call %zu fails (%s): %zu blocks of memory and %zd "
                      "descriptors are left behind",

@@ -57,7 +57,10 @@ static int yaml_check_depth(const unsigned char *text, size_t size, const char *
         yaml_event_delete(&event);
     }
     size_t line = parser.mark.line + 1;
+    bool starved = parser.error == YAML_MEMORY_ERROR;
     yaml_parser_delete(&parser);
+    if (starved)
+        return error_say(why, -ENOMEM, "%s: out of memory", path);
     return depth <= YAML_MAX_DEPTH
                ? 0
                : error_say(why, -EINVAL, "%s:%zu: more than %d levels deep", path, line,
@@ -401,6 +404,18 @@ static int read_file(const char *path, struct bytes *out, struct error *why)
     return 0;
 }
 
+/* Why a parser could not go on; what fails without an error had no memory. */
+static int refuse_text(const yaml_parser_t *parser, const char *path, struct error *why)
+{
+    size_t line = parser->problem_mark.line ? parser->problem_mark.line
+                                            : parser->context_mark.line;
+
+    if (parser->error == YAML_MEMORY_ERROR || parser->error == YAML_NO_ERROR)
+        return error_say(why, -ENOMEM, "%s: out of memory", path);
+    return error_say(why, -EINVAL, "%s:%zu: not YAML: %s", path, line + 1,
+                     parser->problem ? parser->problem : "cannot be read");
+}
+
 static int check(const unsigned char *text, size_t size,
                  const struct cyaml_schema_value *schema, const char *path,
                  struct error *why)
@@ -414,10 +429,7 @@ static int check(const unsigned char *text, size_t size,
         return error_say(why, -ENOMEM, "%s: out of memory", path);
     yaml_parser_set_input_string(&parser, text, size);
     if (!yaml_parser_load(&parser, &document)) {
-        size_t line = parser.problem_mark.line ? parser.problem_mark.line
-                                               : parser.context_mark.line;
-        err = error_say(why, -EINVAL, "%s:%zu: not YAML: %s", path, line + 1,
-                        parser.problem ? parser.problem : "cannot be read");
+        err = refuse_text(&parser, path, why);
         goto parser;
     }
     err = yaml_check(&document, schema, path, why);
@@ -425,8 +437,7 @@ static int check(const unsigned char *text, size_t size,
     if (err)
         goto parser;
     if (!yaml_parser_load(&parser, &more)) {
-        err = error_say(why, -EINVAL, "%s:%zu: not YAML: %s", path,
-                        parser.problem_mark.line + 1, parser.problem);
+        err = refuse_text(&parser, path, why);
         goto parser;
     }
     const yaml_node_t *root = yaml_document_get_root_node(&more);
@@ -478,7 +489,9 @@ static int load(const unsigned char *text, size_t size,
     struct cyaml_notes notes = {.line = 0};
     cyaml_config_t config = config_of(&notes);
     cyaml_err_t e = cyaml_load_data(text, size, &config, schema, out, NULL);
-    if (e == CYAML_ERR_OOM)
+    /* The text was read before: of libyaml nothing is left but that it has no memory. */
+    if (e == CYAML_ERR_OOM || e == CYAML_ERR_LIBYAML_PARSER ||
+        e == CYAML_ERR_LIBYAML_PARSER_INIT)
         return error_say(why, -ENOMEM, "%s: out of memory", path);
     if (e != CYAML_OK)
         return error_say(why, -EINVAL, "%s:%zu: %s", path, notes.line ? notes.line : 1,

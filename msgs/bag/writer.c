@@ -407,6 +407,21 @@ static int writer_after_error(const struct bag_writer *w, struct error *why)
 
 static int writer_emit(struct bag_writer *w, struct error *why);
 
+/* Writes w->out together with its entry in an index of the summary, which had `before`
+ * bytes: both or neither. */
+static int writer_emit_indexed(struct bag_writer *w, struct bytes_buffer *index,
+                               size_t before, struct error *why)
+{
+    w->out.failed |= index->failed;
+    int err = writer_emit(w, why);
+
+    if (err) {
+        index->size = before;
+        index->failed = false;
+    }
+    return err;
+}
+
 /* Writes the chunk under way, if there is one, with its indexes. */
 static int writer_end_chunk(struct bag_writer *w, struct error *why)
 {
@@ -428,17 +443,16 @@ static int writer_end_chunk(struct bag_writer *w, struct error *why)
                          strerror(-err));
     }
     put_chunk(w, bytes_in(as_it_is ? &w->chunk : &w->packed));
-    err = writer_emit(w, why);
-    if (err)
-        w->summary.chunk_indexes.size = indexes;
-    else
+    err = writer_emit_indexed(w, &w->summary.chunk_indexes, indexes, why);
+    if (!err)
         bag_summary_lay_down(&w->summary, w->sink.path);
     settle_chunk(w, !err);
     return err;
 }
 
-#define SPARE_SIZE   (64 << 10) /* held on the disk beside what is known of the end */
-#define LARGEST_DATA (BAG_MAX_SIZE - ((uint64_t)1 << 20)) /* leaves room for the rest */
+#define SPARE_SIZE    (64 << 10) /* held on the disk beside what is known of the end */
+#define BARE_END_SIZE 64 /* held in memory: end of data, footer and closing magic */
+#define LARGEST_DATA  (BAG_MAX_SIZE - ((uint64_t)1 << 20)) /* leaves room for the rest */
 
 static int too_large(const struct bag_writer *w, size_t size, struct error *why)
 {
@@ -461,6 +475,7 @@ static int writer_emit(struct bag_writer *w, struct error *why)
     int err = w->out.failed ? writer_out_of_memory(w, why)
                             : bag_sink_write(&w->sink, bytes_in(&w->out), reserve, why);
     w->out.size = 0;
+    w->out.failed = false;
     w->error = err;
     return err;
 }
@@ -480,6 +495,7 @@ int bag_writer_create(struct bag_writer **out, const char *path,
     }
     header.header.profile = bytes_of(cfg->profile);
     header.header.library = bytes_of(cfg->library);
+    bytes_reserve(&w->out, BARE_END_SIZE);
     bytes_put(&w->out, (struct bytes){(const uint8_t *)BAG_MAGIC, BAG_MAGIC_SIZE});
     bag_record_put(&w->out, &header);
     err = writer_emit(w, why);
@@ -556,6 +572,7 @@ int bag_writer_attachment(struct bag_writer *w, const struct bag_attachment *a,
 {
     const struct bag_record r = {.opcode = BAG_ATTACHMENT, .attachment = *a};
     struct bag_record index = {.opcode = BAG_ATTACHMENT_INDEX};
+    size_t before = w->summary.attachment_indexes.size;
 
     if (w->error)
         return writer_after_error(w, why);
@@ -571,13 +588,11 @@ int bag_writer_attachment(struct bag_writer *w, const struct bag_attachment *a,
         .name = a->name,
         .media_type = a->media_type,
     };
-    int err = writer_emit(w, why);
-    if (err)
-        return err;
-    w->statistics.attachment_count++;
     if (!w->cfg.without_attachment_index)
         bag_record_put(&w->summary.attachment_indexes, &index);
-    return 0;
+    int err = writer_emit_indexed(w, &w->summary.attachment_indexes, before, why);
+    w->statistics.attachment_count += !err;
+    return err;
 }
 
 int bag_writer_metadata(struct bag_writer *w, const struct bag_metadata *m,
@@ -585,19 +600,18 @@ int bag_writer_metadata(struct bag_writer *w, const struct bag_metadata *m,
 {
     const struct bag_record r = {.opcode = BAG_METADATA, .metadata = *m};
     struct bag_record index = {.opcode = BAG_METADATA_INDEX};
+    size_t before = w->summary.metadata_indexes.size;
 
     if (w->error)
         return writer_after_error(w, why);
     bag_record_put(&w->out, &r);
     index.metadata_index = (struct bag_metadata_index){
         .offset = w->sink.size, .length = w->out.size, .name = m->name};
-    int err = writer_emit(w, why);
-    if (err)
-        return err;
-    w->statistics.metadata_count++;
     if (!w->cfg.without_metadata_index)
         bag_record_put(&w->summary.metadata_indexes, &index);
-    return 0;
+    int err = writer_emit_indexed(w, &w->summary.metadata_indexes, before, why);
+    w->statistics.metadata_count += !err;
+    return err;
 }
 
 int bag_writer_flush(struct bag_writer *w, struct error *why)
@@ -641,21 +655,40 @@ static void summarize(struct bag_writer *w)
     bytes_free(&channels);
 }
 
-/* Goes on after an error of writing: what is whole gets its end. */
-static int write_end(struct bag_writer *w, struct error *why)
+/* Puts the end of the file into w->out.  0, -ENOMEM, errno of reading the index back. */
+static int put_end(struct bag_writer *w)
 {
-    uint32_t crc;
-
     bag_definitions_put_rest(&w->definitions, &w->out);
-    crc = bag_crc(w->sink.crc, bytes_in(&w->out));
+    uint32_t crc = bag_crc(w->sink.crc, bytes_in(&w->out));
     summarize(w);
     int err = bag_summary_put(&w->out, &w->summary, !w->cfg.without_summary_offsets,
                               w->sink.size + w->out.size, crc);
-    if (err)
-        return error_say(why, err, "%s: its index cannot be read back: %s", w->sink.path,
-                         strerror(-err));
-    return w->out.failed ? writer_out_of_memory(w, why)
-                         : bag_sink_write(&w->sink, bytes_in(&w->out), 0, why);
+
+    return err ? err : w->out.failed ? -ENOMEM : 0;
+}
+
+/* The end of a bag without an index, for which there is room from the start. */
+static void put_bare_end(struct bag_writer *w)
+{
+    const struct bag_summary nothing = {.fd = -1};
+
+    w->out.size = 0;
+    w->out.failed = false;
+    bag_summary_put(&w->out, &nothing, false, w->sink.size, w->sink.crc);
+}
+
+/* Goes on after an error of writing: what is whole gets its end. */
+static int write_end(struct bag_writer *w, struct error *why)
+{
+    int err = put_end(w);
+
+    if (err) {
+        error_say(why, err, "%s: written without its index: %s", w->sink.path,
+                  err == -ENOMEM ? "out of memory" : strerror(-err));
+        put_bare_end(w);
+    }
+    int written = bag_sink_write(&w->sink, bytes_in(&w->out), 0, err ? NULL : why);
+    return err ? err : written;
 }
 
 int bag_writer_close(struct bag_writer *w, struct error *why)
@@ -663,6 +696,8 @@ int bag_writer_close(struct bag_writer *w, struct error *why)
     if (!w)
         return 0;
     int err = writer_end_chunk(w, why);
+    if (err) /* what it defines is defined at the end */
+        settle_chunk(w, false);
     if (w->sink.size) {
         int end = write_end(w, err ? NULL : why);
         err = err ? err : end;

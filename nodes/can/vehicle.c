@@ -158,7 +158,7 @@ int vehicle_open(struct vehicle **out, struct node *node, struct error *why)
     struct vehicle *v = calloc(1, sizeof *v);
 
     if (!v)
-        return -ENOMEM;
+        return error_say(why, -ENOMEM, "out of memory");
     v->node = node;
     configure(v);
     int err = open_bus(v, why);

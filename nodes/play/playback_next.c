@@ -9,7 +9,8 @@
 
 #define MAX_SKIPPED 256 /* in one step: a bag full of what is none must not hold it */
 
-/* What the player has to know of the message.  -EPROTO: it is none. */
+/* What the player has to know of the message.  -EPROTO: it is none;
+ * -ENOMEM. */
 static int look_into(struct playback *p, struct playback_next *n)
 {
     const struct topic *t = n->m.part->topic;
@@ -19,7 +20,7 @@ static int look_into(struct playback *p, struct playback_next *n)
         return 0;
     ProtobufCMessage *m = message_unpack(t->schema, n->m.payload.size, n->m.payload.data);
     if (!m)
-        return -EPROTO;
+        return errno == ENOMEM ? -ENOMEM : -EPROTO;
     if (t == topic_survey()) {
         n->survey_id = ((const Anlos__Survey *)m)->id;
     } else if (t == topic_scan_status()) {

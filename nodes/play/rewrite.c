@@ -73,7 +73,7 @@ int rewrite(const struct topic *t, uint32_t scan_base, uint64_t survey_id,
         return 0;
     ProtobufCMessage *m = message_unpack(t->schema, payload->size, payload->data);
     if (!m)
-        return -EPROTO;
+        return errno == ENOMEM ? -ENOMEM : -EPROTO;
     if (scan)
         *at(m, scan) += scan_base;
     if (missing && !*(uint64_t *)(void *)((char *)m + missing->offset))

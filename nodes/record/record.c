@@ -185,7 +185,7 @@ int record_open(struct record **out, struct node *node, struct error *why)
     struct record *r = calloc(1, sizeof *r);
 
     if (!r)
-        return -ENOMEM;
+        return error_say(why, -ENOMEM, "out of memory");
     r->node = node;
     int err = open_all(r, why);
     if (err)
@@ -276,6 +276,7 @@ static int64_t status_due_ns(const void *self)
                                                           : LOOP_NEVER;
 }
 
+/* A recording does not end because nobody can be told of it. */
 static int publish_status(void *self)
 {
     struct record *r = self;
@@ -284,7 +285,8 @@ static int publish_status(void *self)
     r->told_news = snapshot_news(r->snapshot);
     r->status_due_ns = node_machine_ns(r->node) + STATUS_NS;
     snapshot_status(r->snapshot, clock_now_ns(clock_system()), &s);
-    return node_publish(r->node, topic_save_status(), 0, &s.base);
+    node_publish(r->node, topic_save_status(), 0, &s.base);
+    return 0;
 }
 
 static void tell_end(struct record *r, int err, const struct recorder_totals *sum)

@@ -216,8 +216,8 @@ static int close_part(struct recorder *r, int64_t now_ns, struct error *why)
     bag_topics_destroy(r->topics);
     r->topics = NULL;
     r->writer = NULL;
-    int flushed = r->failed || err ? 0 : bag_writer_flush(w, why);
-    err = err ? err : flushed;
+    int flushed = bag_writer_flush(w, r->failed || err ? NULL : why);
+    err = r->failed || err ? err : flushed;
     uint64_t n = bag_writer_messages(w);
     r->n_written += n && r->repeated ? n - 1 : n;
     int closed = bag_writer_close(w, r->failed || err ? NULL : why);
@@ -320,20 +320,27 @@ static int repeat_survey(struct recorder *r, struct error *why)
     return err;
 }
 
+static void tell_unattached(const struct recorder *r, const char *why)
+{
+    char text[sizeof((struct error *)0)->text + 64];
+
+    snprintf(text, sizeof text, "the survey is not attached: %s", why);
+    say(r, LOG_LEVEL_WARNING, text);
+}
+
 /* A survey that cannot be kept as a file is a message all the same. */
 static int take_survey(struct recorder *r, const struct bus_message *m, int64_t now_ns,
                        struct error *why)
 {
     Anlos__Survey *survey = (Anlos__Survey *)bus_message_unpack(m);
     struct error reason = {""};
-    char text[sizeof reason.text + 64];
     int err = 0;
 
+    if (!survey)
+        tell_unattached(r, errno == ENOMEM ? "out of memory" : "it is none");
     if (survey && survey_attachments_is_news(&r->survey, survey)) {
-        if (survey_attachments_take(&r->survey, survey, &reason)) {
-            snprintf(text, sizeof text, "the survey is not attached: %s", reason.text);
-            say(r, LOG_LEVEL_WARNING, text);
-        }
+        if (survey_attachments_take(&r->survey, survey, &reason))
+            tell_unattached(r, reason.text);
         uint64_t before = bag_writer_size(r->writer);
         err = survey_attachments_write(&r->survey, now_ns, r->writer, why);
         r->part_attachments += bag_writer_size(r->writer) - before;

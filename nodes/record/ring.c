@@ -98,31 +98,31 @@ static bool background_has_room(struct background *b)
     return true;
 }
 
-/* Is it a ping of a background?  Its scan then. */
-static bool is_background(const struct ring_entry *e, uint32_t *scan)
+/* Is it a ping of a background, and of which scan?  0, -ENOMEM. */
+static int look_into(struct ring_entry *e)
 {
-    ProtobufCMessage *m = e->message.topic == topic_ping() && e->message.payload
-                              ? bus_message_unpack(&e->message)
-                              : NULL;
+    if (e->message.topic != topic_ping() || !e->message.payload)
+        return 0;
+    ProtobufCMessage *m = bus_message_unpack(&e->message);
     if (!m)
-        return false;
-    bool is = ((const Anlos__Ping *)m)->pass == ANLOS__PASS__BACKGROUND;
-    *scan = ((const Anlos__Ping *)m)->scan;
+        return errno == ENOMEM ? -ENOMEM : 0;
+    e->background = ((const Anlos__Ping *)m)->pass == ANLOS__PASS__BACKGROUND;
+    e->scan = ((const Anlos__Ping *)m)->scan;
     protobuf_c_message_free_unpacked(m, NULL);
-    return is;
+    return 0;
 }
 
 /* What of this scan did not fit is not begun in its middle either. */
-static void keep_background(struct ring *r, struct ring_entry *e, uint32_t scan)
+static void keep_background(struct ring *r, struct ring_entry *e)
 {
     struct background *b = &r->background;
-    bool same = b->epoch_ns == e->message.envelope.epoch_ns && b->scan == scan;
+    bool same = b->epoch_ns == e->message.envelope.epoch_ns && b->scan == e->scan;
 
     if (!same)
         drop_background(r);
     bool gone = same && !b->n;
     b->epoch_ns = e->message.envelope.epoch_ns;
-    b->scan = scan;
+    b->scan = e->scan;
     if (!gone && b->bytes + ring_cost(e) <= r->cfg.max_bytes / 2 &&
         background_has_room(b)) {
         b->bytes += ring_cost(e);
@@ -138,7 +138,6 @@ static void keep_background(struct ring *r, struct ring_entry *e, uint32_t scan)
 static void shift(struct ring *r)
 {
     struct ring_entry *e = slot(r, r->begin);
-    uint32_t scan;
 
     if (r->begin >= r->hold && r->cfg.overrun)
         r->cfg.overrun(r->cfg.context, e);
@@ -147,8 +146,8 @@ static void shift(struct ring *r)
         if (r->survey.message.payload)
             drop(r, &r->survey);
         r->survey = *e;
-    } else if (is_background(e, &scan)) {
-        keep_background(r, e, scan);
+    } else if (e->background) {
+        keep_background(r, e);
     } else {
         drop(r, e);
     }
@@ -179,9 +178,11 @@ static int add(struct ring *r, const struct ring_entry *e)
 
 int ring_put(struct ring *r, struct bus_message *m, int64_t came_ns)
 {
-    const struct ring_entry e = {.message = *m, .came_ns = came_ns};
-    int err = add(r, &e);
+    struct ring_entry e = {.message = *m, .came_ns = came_ns};
+    int err = look_into(&e);
 
+    if (!err)
+        err = add(r, &e);
     if (err)
         bus_message_free(m);
     memset(m, 0, sizeof *m);

@@ -19,6 +19,8 @@ struct ring_entry {
     struct bus_message message; /* payload NULL: so many of its topic got lost here */
     uint64_t lost;
     int64_t came_ns;
+    bool background; /* a ping of the room without the objects... */
+    uint32_t scan;   /* ...of this scan */
 };
 
 struct ring_config {

@@ -416,12 +416,19 @@ static void take_request(struct snapshot *s, const struct bus_message *m, int64_
 {
     Anlos__SaveRequest *r = (Anlos__SaveRequest *)bus_message_unpack(m);
 
-    if (r && !is_repeated(s, r->id))
+    if (!r) {
+        refuse(s, errno == ENOMEM
+                      ? "a request to save the last seconds is not taken: out "
+                        "of memory"
+                      : "a request to save the last seconds cannot be read");
+        return;
+    }
+    if (!is_repeated(s, r->id))
         snapshot_request(s, m->envelope.node, r->reason, now_ns);
-    if (r)
-        anlos__save_request__free_unpacked(r, NULL);
+    anlos__save_request__free_unpacked(r, NULL);
 }
 
+/* What cannot be read now is said again in a second. */
 static void take_health(struct snapshot *s, const struct bus_message *m, int64_t now_ns)
 {
     Anlos__Health *h = (Anlos__Health *)bus_message_unpack(m);
@@ -444,8 +451,9 @@ static void tell_size(struct snapshot *s, int64_t now_ns)
     if (t.background_gone && !s->told_background) {
         s->told_background = true;
         snprintf(text, sizeof text,
-                 "the sound of the room without the objects takes more than half of the "
-                 "snapshot's %.0f MB and is not kept: what is saved has none to subtract",
+                 "the sound of the room without the objects is not kept: it takes more "
+                 "than half of the snapshot's %.0f MB, or memory ran out; what is saved "
+                 "has none to subtract",
                  megabytes(s->cfg.max_bytes));
         say(s, LOG_LEVEL_WARNING, text);
     }

@@ -310,6 +310,12 @@ static int64_t ms_until(int64_t now_ns, int64_t t_ns)
 static int unpack(struct node *n, struct bus_message *m, struct node_message *out)
 {
     n->content = bus_message_unpack(m);
+    if (!n->content && errno == ENOMEM) {
+        node_log(n, LOG_LEVEL_WARNING, "a message of %s from %s is lost: out of memory",
+                 m->topic->name, m->envelope.node);
+        n->heart.malformed++;
+        return -ENOMEM;
+    }
     if (!n->content) {
         if (!n->heart.malformed++)
             node_log(n, LOG_LEVEL_WARNING,

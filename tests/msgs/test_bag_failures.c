@@ -507,5 +507,5 @@ int main(void)
         TEST(every_failure_while_recording_topics_is_told),
         TEST(every_failure_while_indexes_wait_beside_a_bag_is_told_or_made_good),
     };
-    return cmocka_run_group_tests(tests, NULL, NULL);
+    return cmocka_run_group_tests(tests, scratch_in_memory, NULL);
 }

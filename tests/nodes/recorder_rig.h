@@ -6,6 +6,9 @@
 
 #include "record_rig.h"
 
+#include "hal/survey/file.h"
+#include "msgs/convert.h"
+
 #define MS 1000000LL
 
 struct rig {
@@ -76,6 +79,42 @@ static inline const char *part_path(struct rig *r, unsigned number)
 {
     snprintf(r->part, sizeof r->part, "%s/a_%04u.mcap", r->scratch->folder, number);
     return r->part;
+}
+
+/* A survey as the array sends it, with a curve for each microphone. */
+static inline struct bus_message survey_message(struct rig *g, uint8_t **payload,
+                                                uint64_t seq)
+{
+    struct bus_message m = {.topic = topic_survey()};
+    struct error why = {""};
+    struct survey s;
+    size_t size;
+
+    scratch_folder(g->scratch, "curves");
+    scratch_write(g->scratch, "curves/15454.txt", "100 0.5\n1000 0\n20000 -1.25\n");
+    scratch_write(g->scratch, "curves/15715.txt", "100 -0.5\n20000 2\n");
+    if (survey_load(&s,
+                    scratch_write(g->scratch, "survey.yaml",
+                                  "temperature_c: 21.5\nsample_rate_hz: 48000\n"
+                                  "chirp: {start_hz: 2000, stop_hz: 20000, "
+                                  "duration_s: 0.0625}\nslot_samples: 3000\n"
+                                  "speakers_m: [[0, 0, 0], [0, 0.1, 0]]\n"
+                                  "microphones_m: [[0.1, 0, 0], [0.1, 0.1, 0]]\n"
+                                  "calibration: {folder: curves, serials: "
+                                  "[\"15454\", \"15715\"]}\n"
+                                  "stage: {axis: [1, 0, 0], positions_m: [0, 0.25]}\n"),
+                    &why))
+        fail_msg("%s", why.text);
+    assert_int_equal(survey_pack(&s, payload, &size), 0);
+    survey_clear(&s);
+    snprintf(m.envelope.topic, sizeof m.envelope.topic, "survey");
+    snprintf(m.envelope.node, sizeof m.envelope.node, "array");
+    m.envelope.epoch_ns = EPOCH_NS;
+    m.envelope.sequence = seq;
+    m.envelope.publish_ns = EPOCH_NS - 1000;
+    m.envelope.payload_size = (uint32_t)size;
+    m.payload = *payload;
+    return m;
 }
 
 #define RIG_TEST(f) cmocka_unit_test_setup_teardown(f, setup, teardown)

@@ -453,8 +453,8 @@ static void copy_pings(struct making *m, bool (*change)(Anlos__Ping *, size_t i)
     if (stream_open(&s, recorded_bag, &why))
         fail_msg("%s", why.text);
     while (!stream_next(s, &in, &why)) {
-        ProtobufCMessage *content = stream_unpack(&in);
-        assert_non_null(content);
+        ProtobufCMessage *content;
+        assert_int_equal(stream_unpack(&content, s, &in, &why), 0);
         if (in.topic != topic_ping() || change((Anlos__Ping *)content, i++))
             add(m, in.topic->name, content);
         protobuf_c_message_free_unpacked(content, NULL);
@@ -630,8 +630,9 @@ static size_t check_drive(const char *bag, const struct emission *expected, size
     assert_int_equal(stream_open(&s, in_folder(bag), &why), 0);
     stream_select(s, "ping");
     while (!stream_next(s, &m, &why)) {
-        Anlos__Ping *p = (Anlos__Ping *)stream_unpack(&m);
-        assert_non_null(p);
+        ProtobufCMessage *content;
+        assert_int_equal(stream_unpack(&content, s, &m, &why), 0);
+        Anlos__Ping *p = (Anlos__Ping *)content;
         assert_true(at < n);
         const float *x = tensor_f32(p->samples, 2, extents);
         assert_int_equal(p->speaker, expected[at].speaker);
@@ -740,8 +741,8 @@ static void strip_ids(const char *from, const char *to)
     assert_int_equal(bag_writer_create(&writer, in_folder(to), &cfg, &why), 0);
     assert_int_equal(bag_topics_create(&topics, writer), 0);
     while (!stream_next(s, &m, &why)) {
-        ProtobufCMessage *content = stream_unpack(&m);
-        assert_non_null(content);
+        ProtobufCMessage *content;
+        assert_int_equal(stream_unpack(&content, s, &m, &why), 0);
         if (m.topic == topic_survey())
             ((Anlos__Survey *)content)->id = 0;
         if (m.topic == topic_ping())

@@ -96,8 +96,8 @@ static void each_place_hears_the_point_at_its_range(void **state)
         fail_msg("%s", why.text);
     assert_int_equal(stream_open(&in, to, &why), 0);
     while (!stream_next(in, &m, &why)) {
-        ProtobufCMessage *content = stream_unpack(&m);
-        assert_non_null(content);
+        ProtobufCMessage *content;
+        assert_int_equal(stream_unpack(&content, in, &m, &why), 0);
         if (m.topic == topic_ping()) {
             assert_true(s.n_positions > 0); /* the survey came before */
             check_ping(&s, (Anlos__Ping *)content);

@@ -127,5 +127,5 @@ int main(void)
         TEST(a_launch_that_fails_says_why),
         TEST(a_run_folder_that_cannot_be_had_is_refused_with_a_reason),
     };
-    return cmocka_run_group_tests(tests, NULL, NULL);
+    return cmocka_run_group_tests(tests, scratch_in_memory, NULL);
 }

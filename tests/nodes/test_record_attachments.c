@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: MIT */
 /* What a recording carries beside its messages. */
-#include "msgs/convert.h"
 #include "recorder_rig.h"
 
 #include <errno.h>
@@ -8,41 +7,6 @@
 
 #include "hal/survey/file.h"
 #include "msgs/bag/manifest.h"
-
-/* A survey as the array sends it, with a curve for each microphone. */
-static struct bus_message survey_message(struct rig *g, uint8_t **payload, uint64_t seq)
-{
-    struct bus_message m = {.topic = topic_survey()};
-    struct error why = {""};
-    struct survey s;
-    size_t size;
-
-    scratch_folder(g->scratch, "curves");
-    scratch_write(g->scratch, "curves/15454.txt", "100 0.5\n1000 0\n20000 -1.25\n");
-    scratch_write(g->scratch, "curves/15715.txt", "100 -0.5\n20000 2\n");
-    if (survey_load(&s,
-                    scratch_write(g->scratch, "survey.yaml",
-                                  "temperature_c: 21.5\nsample_rate_hz: 48000\n"
-                                  "chirp: {start_hz: 2000, stop_hz: 20000, "
-                                  "duration_s: 0.0625}\nslot_samples: 3000\n"
-                                  "speakers_m: [[0, 0, 0], [0, 0.1, 0]]\n"
-                                  "microphones_m: [[0.1, 0, 0], [0.1, 0.1, 0]]\n"
-                                  "calibration: {folder: curves, serials: "
-                                  "[\"15454\", \"15715\"]}\n"
-                                  "stage: {axis: [1, 0, 0], positions_m: [0, 0.25]}\n"),
-                    &why))
-        fail_msg("%s", why.text);
-    assert_int_equal(survey_pack(&s, payload, &size), 0);
-    survey_clear(&s);
-    snprintf(m.envelope.topic, sizeof m.envelope.topic, "survey");
-    snprintf(m.envelope.node, sizeof m.envelope.node, "array");
-    m.envelope.epoch_ns = EPOCH_NS;
-    m.envelope.sequence = seq;
-    m.envelope.publish_ns = EPOCH_NS - 1000;
-    m.envelope.payload_size = (uint32_t)size;
-    m.payload = *payload;
-    return m;
-}
 
 /* What was written into a folder of its own is the same survey. */
 static void check_survey(struct rig *g, const char *bag, const struct bus_message *sent)

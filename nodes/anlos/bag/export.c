@@ -73,10 +73,11 @@ static int write_rows(FILE *f, void *context, struct error *why)
 
     fputs(head, f);
     while (!(err = stream_next(t->stream, &m, why)) && !ferror(f)) {
-        Anlos__DetectionList *list = (Anlos__DetectionList *)stream_unpack(&m);
-        if (!list)
-            return error_say(why, -EBADMSG, "%s: a message of \"detections\" is none",
-                             t->options->file);
+        ProtobufCMessage *content;
+        err = stream_unpack(&content, t->stream, &m, why);
+        if (err)
+            return err;
+        Anlos__DetectionList *list = (Anlos__DetectionList *)content;
         for (size_t i = 0; i < list->n_detections; i++, t->n++)
             put_detection(f, &m.envelope, list, list->detections[i]);
         anlos__detection_list__free_unpacked(list, NULL);
@@ -95,9 +96,11 @@ int export_csv(struct stream *s, const struct export_options *o, struct error *w
 }
 
 /* 0, -ENOMEM; what cannot be written shows in f. */
-static int write_line(FILE *f, const struct stream_message *m, bool full)
+static int write_line(FILE *f, const struct stream *s, const struct stream_message *m,
+                      bool full)
 {
-    ProtobufCMessage *content = stream_unpack(m);
+    ProtobufCMessage *content;
+    int err = stream_unpack(&content, s, m, NULL);
     const struct message_line l = {.topic = (const char *)m->channel->topic.data,
                                    .n_topic = m->channel->topic.size,
                                    .envelope = &m->envelope,
@@ -106,8 +109,9 @@ static int write_line(FILE *f, const struct stream_message *m, bool full)
                                    .why_not = m->topic
                                                   ? "not a message of the topic's schema"
                                                   : "not a topic of anlos"};
-    int err = message_line_write(&l, full, f);
 
+    if (err != -ENOMEM)
+        err = message_line_write(&l, full, f);
     if (content)
         protobuf_c_message_free_unpacked(content, NULL);
     return err;
@@ -126,7 +130,7 @@ static int write_lines(FILE *f, void *context, struct error *why)
     int err;
 
     while (!(err = stream_next(l->stream, &m, why)) && !ferror(f)) {
-        if (write_line(f, &m, l->options->full))
+        if (write_line(f, l->stream, &m, l->options->full))
             return error_say(why, -ENOMEM, "out of memory");
         l->n++;
     }
@@ -185,10 +189,10 @@ static int find_image(struct image *out, struct stream *s, const struct export_o
     int err;
 
     while (!(err = stream_next(s, &m, why))) {
-        ProtobufCMessage *content = stream_unpack(&m);
-        if (!content)
-            return error_say(why, -EBADMSG, "%s: a message of \"%s\" is none", o->file,
-                             m.topic ? m.topic->name : "volume");
+        ProtobufCMessage *content;
+        err = stream_unpack(&content, s, &m, why);
+        if (err)
+            return err;
         if (m.topic == topic_volume())
             take_volume(out, (Anlos__Volume *)content, o->scan);
         else
@@ -379,18 +383,18 @@ static int add_view(struct work *w, size_t index, const struct channel *c,
 
 static int add_views(struct work *w, const struct stream_message *m, struct error *why)
 {
-    ProtobufCMessage *content = stream_unpack(m);
+    ProtobufCMessage *content;
+    int err = stream_unpack(&content, w->stream, m, why);
     const struct foxglove_message in = {.topic = m->topic,
                                         .node = m->envelope.node,
                                         .content = content,
                                         .capture_ns = m->envelope.capture_ns,
                                         .publish_ns = m->envelope.publish_ns};
     struct channel c;
-    int err = 0;
 
-    if (!content) {
+    if (err) {
         w->n_left_out++;
-        return 0;
+        return err == -EBADMSG ? 0 : err;
     }
     setting_take(&w->setting, &in);
     for (size_t i = 0; i < w->n_views && !err; i++) {
@@ -431,8 +435,10 @@ static int find_survey(struct work *w, struct error *why)
 
     stream_select(w->stream, "survey");
     while (!err && !w->setting.has_survey && !(err = stream_next(w->stream, &m, why))) {
-        ProtobufCMessage *content = stream_unpack(&m);
+        ProtobufCMessage *content;
+        err = stream_unpack(&content, w->stream, &m, why);
         const struct foxglove_message in = {.topic = m.topic, .content = content};
+        err = err == -EBADMSG ? 0 : err;
         if (!content)
             continue;
         setting_take(&w->setting, &in);

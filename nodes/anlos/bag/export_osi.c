@@ -400,10 +400,10 @@ static int write_lists(struct osi_export *x, struct error *why)
     struct stream_message m;
     int err;
     while (!(err = stream_next(x->stream, &m, why))) {
-        ProtobufCMessage *content = stream_unpack(&m);
-        if (!content)
-            return error_say(why, -EBADMSG, "%s: a message of \"%s\" is none", x->file,
-                             m.topic ? m.topic->name : "detections");
+        ProtobufCMessage *content;
+        err = stream_unpack(&content, x->stream, &m, why);
+        if (err)
+            return err;
         if (m.topic == topic_detections())
             err = write_list(x, (const Anlos__DetectionList *)content, &m, why);
         else

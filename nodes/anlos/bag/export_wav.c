@@ -109,11 +109,11 @@ static int read_facts(struct facts *f, struct stream *s, struct error *why)
     int err = 0;
 
     while (!err && !(err = stream_next(s, &m, why))) {
-        ProtobufCMessage *content = stream_unpack(&m);
+        ProtobufCMessage *content;
+        err = stream_unpack(&content, s, &m, why);
         number++;
-        if (!content)
-            return error_say(why, -EBADMSG, "a message of \"%s\" is none",
-                             m.topic ? m.topic->name : "another program");
+        if (err)
+            return err;
         if (m.topic == topic_survey()) {
             err = add_survey(f, (Anlos__Survey *)content);
         } else {
@@ -392,9 +392,11 @@ static int write_files(struct wav_set *w, struct stream *s, struct error *why)
         number++;
         if (m.topic != topic_ping())
             continue;
-        Anlos__Ping *p = (Anlos__Ping *)stream_unpack(&m);
-        if (!p)
-            return error_say(why, -ENOMEM, "out of memory");
+        ProtobufCMessage *content;
+        err = stream_unpack(&content, s, &m, why);
+        if (err)
+            return err;
+        Anlos__Ping *p = (Anlos__Ping *)content;
         err = take_ping(w, p, number, why);
         anlos__ping__free_unpacked(p, NULL);
     }
@@ -448,9 +450,11 @@ static int put_pings(struct wav_set *w, struct stream *s, struct error *why)
     while (!err && !(err = stream_next(s, &m, why))) {
         if (m.topic != topic_ping())
             continue;
-        Anlos__Ping *p = (Anlos__Ping *)stream_unpack(&m);
-        if (!p)
-            return error_say(why, -ENOMEM, "out of memory");
+        ProtobufCMessage *content;
+        err = stream_unpack(&content, s, &m, why);
+        if (err)
+            return err;
+        Anlos__Ping *p = (Anlos__Ping *)content;
         err = put_ping(w, p, m.envelope.capture_ns, why);
         anlos__ping__free_unpacked(p, NULL);
     }
@@ -466,9 +470,11 @@ static int print_egos(FILE *f, struct wav_set *w, struct stream *s, struct error
     stream_rewind(s);
     while (!(err = stream_next(s, &m, why))) {
         struct ego_row row = {.time_ns = m.envelope.capture_ns};
-        Anlos__EgoMotion *ego = (Anlos__EgoMotion *)stream_unpack(&m);
-        if (!ego)
-            return error_say(why, -EBADMSG, "a message of \"ego\" is none");
+        ProtobufCMessage *content;
+        err = stream_unpack(&content, s, &m, why);
+        if (err)
+            return err;
+        Anlos__EgoMotion *ego = (Anlos__EgoMotion *)content;
         row.motion = *ego;
         ego_row_print(f, &row);
         w->n_egos++;

@@ -100,11 +100,20 @@ int stream_next(struct stream *s, struct stream_message *out, struct error *why)
     return 0;
 }
 
-ProtobufCMessage *stream_unpack(const struct stream_message *m)
+int stream_unpack(ProtobufCMessage **out, const struct stream *s,
+                  const struct stream_message *m, struct error *why)
 {
-    if (!m->topic || m->payload.size > m->topic->max_size)
-        return NULL;
-    return message_unpack(m->topic->schema, m->payload.size, m->payload.data);
+    bool ours = m->topic && m->payload.size <= m->topic->max_size;
+
+    *out = ours ? message_unpack(m->topic->schema, m->payload.size, m->payload.data)
+                : NULL;
+    if (*out)
+        return 0;
+    if (ours && errno == ENOMEM)
+        return error_say(why, -ENOMEM, "out of memory");
+    return error_say(why, -EBADMSG, "%s: a message of \"%.*s\" is none",
+                     s->catalog->file.path, (int)m->channel->topic.size,
+                     (const char *)m->channel->topic.data);
 }
 
 void stream_close(struct stream *s)

@@ -38,9 +38,10 @@ void stream_rewind(struct stream *s);
  */
 int stream_next(struct stream *s, struct stream_message *out, struct error *why);
 
-/* The content by the topic's schema.  NULL: it is not one, or of no topic of ours.  Free
- * it with protobuf_c_message_free_unpacked. */
-ProtobufCMessage *stream_unpack(const struct stream_message *m);
+/* The content by the topic's schema; free it with protobuf_c_message_free_unpacked.  0,
+ * -EBADMSG (it is not one, or of no topic of ours), -ENOMEM; *out is NULL then. */
+int stream_unpack(ProtobufCMessage **out, const struct stream *s,
+                  const struct stream_message *m, struct error *why);
 void stream_close(struct stream *s);
 
 #endif

@@ -506,15 +506,13 @@ static int take_next(struct replay *r, struct stream *s, struct error *why)
     struct stream_message m;
     struct stopwatch now = stopwatch_now(false);
     int err = stream_next(s, &m, why);
-    ProtobufCMessage *content = err ? NULL : stream_unpack(&m);
+    ProtobufCMessage *content;
 
+    if (!err)
+        err = stream_unpack(&content, s, &m, why);
     stopwatch_lap(&r->stages[RECON_READ], &now, false);
     if (err)
         return err;
-    if (!content)
-        return error_say(why, -EBADMSG, "%s: a message of \"%.*s\" is none",
-                         r->options->bag, (int)m.channel->topic.size,
-                         (const char *)m.channel->topic.data);
     err = take(r, &m, content, why);
     if (!err && r->lists.writer)
         err = lists_take(r, &m, content, why);

@@ -256,11 +256,10 @@ static int take_next(struct reading *r, struct stream *s)
 
     if (err)
         return err;
-    ProtobufCMessage *content = stream_unpack(&m);
-    if (!content)
-        return error_say(&r->out->why, -EBADMSG, "%s: a message of \"%.*s\" is none",
-                         r->bag, (int)m.channel->topic.size,
-                         (const char *)m.channel->topic.data);
+    ProtobufCMessage *content;
+    err = stream_unpack(&content, s, &m, &r->out->why);
+    if (err)
+        return err;
     err = take(r, &m, content);
     protobuf_c_message_free_unpacked(content, NULL);
     return err;
