@@ -392,7 +392,8 @@ FFTW_RELEASE(fftwf_free)
 FFTW_RELEASE(fftwf_destroy_plan)
 
 /* -- what libraries take on our behalf: those that say so when there is none.  nanomsg
- * and C++ end the process instead.  With AddressSanitizer the allocator is its own
+ * and C++ end the process instead, libsndfile crashes.  With AddressSanitizer the
+ * allocator is its own
  * ---------------------------------------------------------------------------------------
  */
 
@@ -417,7 +418,7 @@ static int find_code(struct dl_phdr_info *info, size_t size, void *context)
 {
     static const char *const names[] = {"libc.so",     "libprotobuf-c.", "libyaml-",
                                         "libcyaml.",   "libzstd.",       "liblz4.",
-                                        "libjansson.", "libsndfile.",    "libdeflate."};
+                                        "libjansson.", "libdeflate."};
     const char *slash = strrchr(info->dlpi_name, '/');
     const char *name = slash ? slash + 1 : info->dlpi_name;
 

@@ -646,6 +646,8 @@ int recording_write(const char *folder, size_t position, size_t n_microphones,
         err = error_say(why, -EIO, "%s cannot be written: %s", path, sf_strerror(NULL));
         goto names;
     }
+    /* It would hold the time of now: equal recordings are equal files. */
+    sf_command(f, SFC_SET_ADD_PEAK_CHUNK, NULL, SF_FALSE);
     err = write_frames(f, n_microphones, n_frames, 0, samples);
     errno = 0;
     if (sf_close(f) && !err)
@@ -734,6 +736,7 @@ int recording_writer_open(struct recording_writer **out, const char *folder,
     }
     /* A plain WAV file as long as it is short enough for one. */
     sf_command(w->file, SFC_RF64_AUTO_DOWNGRADE, NULL, SF_TRUE);
+    sf_command(w->file, SFC_SET_ADD_PEAK_CHUNK, NULL, SF_FALSE);
     emission_print(w->table, NULL);
     return 0;
 table:

@@ -62,6 +62,8 @@ int replica_save(const float *x, size_t n, const char *path, double sample_rate_
     if (asprintf(&name, "%s-replica.wav", path) < 0)
         return -ENOMEM;
     SNDFILE *f = sf_open(name, SFM_WRITE, &info);
+    if (f) /* it would hold the time of now: the same survey is to be the same file */
+        sf_command(f, SFC_SET_ADD_PEAK_CHUNK, NULL, SF_FALSE);
     int err = f && sf_writef_float(f, x, (sf_count_t)n) == (sf_count_t)n ? 0 : -EIO;
     if (f && sf_close(f))
         err = -EIO;

@@ -11,6 +11,7 @@
 #include "hal/device.h"
 #include "nodes/anlos/commands.h"
 #include "nodes/anlos/usage.h"
+#include "nodes/rt/json_whole.h"
 
 /* Sound cards as tables and as JSON, to standard output. */
 
@@ -87,7 +88,7 @@ static void array_print_probe(const char *device, const struct alsa_probe *p)
 
 static int dump(json_t *root)
 {
-    int err = !root || json_dumpf(root, stdout, JSON_INDENT(2)) ? -ENOMEM : 0;
+    int err = !json_whole(root) || json_dumpf(root, stdout, JSON_INDENT(2)) ? -ENOMEM : 0;
     json_decref(root);
     printf("\n");
     return err;

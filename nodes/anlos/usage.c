@@ -12,6 +12,7 @@
 #include <unistd.h>
 
 #include "dsp/nearest.h"
+#include "nodes/rt/json_whole.h"
 #include "nodes/rt/processors.h"
 
 int usage_error(const char *command, const char *format, ...)
@@ -53,18 +54,24 @@ int usage_flush(const char *command)
 
 int usage_json(const char *command, struct json_t *o)
 {
-    int failed = !o || json_dumpf(o, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(6));
+    bool whole = json_whole(o) &&
+                 (!json_dumpf(o, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(6)) ||
+                  ferror(stdout));
 
     json_decref(o);
-    putchar('\n');
+    if (whole)
+        putchar('\n');
+    else
+        fprintf(stderr, "anlos %s: out of memory\n", command);
     int code = usage_flush(command);
-    return code ? code : failed ? EXIT_FAILED : EXIT_WORKED;
+    return code ? code : whole ? EXIT_WORKED : EXIT_FAILED;
 }
 
 int usage_json_line(struct json_t *o, FILE *to)
 {
     int failed =
-        !o || json_dumpf(o, to, JSON_COMPACT | JSON_ENCODE_ANY | JSON_REAL_PRECISION(9));
+        !json_whole(o) ||
+        json_dumpf(o, to, JSON_COMPACT | JSON_ENCODE_ANY | JSON_REAL_PRECISION(9));
 
     json_decref(o);
     putc('\n', to);

@@ -11,6 +11,7 @@
 #include <strings.h>
 
 #include "nodes/foxglove/channels.h"
+#include "nodes/rt/json_whole.h"
 
 #define SHOWN 40 /* characters of a foreign word */
 
@@ -172,7 +173,7 @@ static char *base64(struct bytes from)
 
 static struct blob *print(json_t *o)
 {
-    char *text = o ? json_dumps(o, JSON_COMPACT) : NULL;
+    char *text = json_whole(o) ? json_dumps(o, JSON_COMPACT) : NULL;
 
     json_decref(o);
     return blob_create((uint8_t *)text, text ? strlen(text) : 0);

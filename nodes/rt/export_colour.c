@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "nodes/rt/export_colour.h"
 
+#include <errno.h>
 #include <math.h>
 #include <stdlib.h>
 
@@ -30,22 +31,19 @@ void colour_at(double t, double rgb[3])
     }
 }
 
-/* 0: less than half is imaged, or no memory. */
-static double median_of(const float *intensity, size_t n)
+int colour_full_scale(double *out, const float *intensity, size_t n, double brightest)
 {
     size_t step = n / MOST_SAMPLES + 1, taken = 0, kept = 0;
     float *list = malloc((n / step + 1) * sizeof *list);
 
-    for (size_t i = 0; list && i < n; i += step, taken++)
+    if (!list)
+        return -ENOMEM;
+    for (size_t i = 0; i < n; i += step, taken++)
         if (intensity[i] > 0.0f && isfinite(intensity[i]))
             list[kept++] = intensity[i];
-    double median =
-        list && 2 * kept > taken ? (double)rank_smallest(list, kept, kept / 2 + 1) : 0.0;
+    double median = 2 * kept > taken ? (double)rank_smallest(list, kept, kept / 2 + 1)
+                                     : 0.0;
     free(list);
-    return median;
-}
-
-double colour_full_scale(const float *intensity, size_t n, double brightest)
-{
-    return fmax(brightest, median_of(intensity, n) * pow(10.0, 0.1 * STANDS_OUT_DB));
+    *out = fmax(brightest, median * pow(10.0, 0.1 * STANDS_OUT_DB));
+    return 0;
 }

@@ -202,19 +202,42 @@ int export_stage_begin(struct export_stage *stage, const char *folder, struct er
     return 0;
 }
 
-static int move_entry(const char *folder, const char *name, void *ctx)
+static int move_entry(const char *from_folder, const char *to_folder, const char *name)
 {
-    const struct export_stage *stage = ctx;
     char from[PATH_MAX], to[PATH_MAX];
-    if (snprintf(from, sizeof from, "%s/%s", folder, name) >= (int)sizeof from ||
-        snprintf(to, sizeof to, "%s/%s", stage->folder, name) >= (int)sizeof to)
+    if (snprintf(from, sizeof from, "%s/%s", from_folder, name) >= (int)sizeof from ||
+        snprintf(to, sizeof to, "%s/%s", to_folder, name) >= (int)sizeof to)
         return -ENAMETOOLONG;
     return rename(from, to) ? -errno : 0;
 }
 
+static int is_content(const struct dirent *e)
+{
+    return strcmp(e->d_name, ".") && strcmp(e->d_name, "..");
+}
+
+/* Moves all out of the stage, or nothing. */
+static int move_all(const struct export_stage *stage)
+{
+    struct dirent **list;
+    int n = scandir(stage->path, &list, is_content, NULL), moved = 0;
+    int err = n < 0 ? -errno : 0;
+    while (!err && moved < n) {
+        err = move_entry(stage->path, stage->folder, list[moved]->d_name);
+        moved += !err;
+    }
+    while (err && moved-- > 0)
+        move_entry(stage->folder, stage->path, list[moved]->d_name);
+    for (int i = 0; i < n; i++)
+        free(list[i]);
+    if (n >= 0)
+        free(list);
+    return err;
+}
+
 int export_stage_commit(struct export_stage *stage, struct error *why)
 {
-    int err = each_entry(stage->path, move_entry, stage);
+    int err = move_all(stage);
     if (!err && rmdir(stage->path))
         err = -errno;
     if (!err) {

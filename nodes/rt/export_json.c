@@ -6,6 +6,7 @@
 #include <stdbool.h>
 
 #include "nodes/rt/export_file.h"
+#include "nodes/rt/json_whole.h"
 #include "recon/detection/objects.h"
 
 json_t *export_real(double value)
@@ -17,7 +18,7 @@ int export_json(const char *folder, const char *name, const json_t *value,
                 struct error *why)
 {
     struct export_file e;
-    if (!value)
+    if (!json_whole(value))
         return error_say(why, -ENOMEM, "%s/%s: out of memory", folder, name);
     int err = export_file_open(&e, folder, name, why);
     if (err)

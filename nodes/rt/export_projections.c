@@ -74,10 +74,12 @@ static cairo_surface_t *draw(const struct view *view, double fineness,
             p.value[i] = sqrtf(p.value[i]);
             plot.peak = fmax(plot.peak, (double)p.value[i]);
         }
-        plot.peak =
-            sqrt(colour_full_scale(intensity, grid_size(grid), plot.peak * plot.peak));
+        double full, brightest = plot.peak * plot.peak;
         plot.marks = marks;
-        surface = plot_draw(&plot);
+        if (!colour_full_scale(&full, intensity, grid_size(grid), brightest)) {
+            plot.peak = sqrt(full);
+            surface = plot_draw(&plot);
+        }
     }
     projection_clear(&p);
     free(marks);
@@ -111,7 +113,7 @@ int export_projection_png(size_t which, const struct grid *grid, const float *in
                       CAIRO_STATUS_SUCCESS;
 
     if (f)
-        failed = fclose(f) || failed;
+        failed = fclose(f) || !data || failed; /* glibc may lose it and say nothing */
     cairo_surface_destroy(surface);
     if (failed)
         free(data);

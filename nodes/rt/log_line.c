@@ -9,6 +9,8 @@
 #include <string.h>
 #include <time.h>
 
+#include "nodes/rt/json_whole.h"
+
 #define NS_PER_S 1000000000LL
 
 static const char *const level_names[] = {"debug", "info", "warning", "error"};
@@ -77,9 +79,9 @@ static size_t write_json(const struct log_line *l, char *out)
         json_object_set_new(o, "repeats_s", json_real(l->repeats_s));
         json_object_set_new(o, "repeats_ago_s", json_real(l->repeats_ago_s));
     }
-    size_t n =
-        o ? json_dumpb(o, out, LOG_LINE_SIZE - 1, JSON_COMPACT | JSON_REAL_PRECISION(4))
-          : 0;
+    size_t n = json_whole(o) ? json_dumpb(o, out, LOG_LINE_SIZE - 1,
+                                          JSON_COMPACT | JSON_REAL_PRECISION(4))
+                             : 0;
     json_decref(o);
     return n < LOG_LINE_SIZE ? n : 0;
 }

@@ -7,6 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "nodes/rt/json_whole.h"
+
 #define LENGTH_SIZE 4
 
 struct frame {
@@ -31,7 +33,8 @@ static struct frame *frame_create(size_t size, bool binary)
 /* With room for n bytes after the text, head bytes before it. */
 static struct frame *with_text(json_t *text, size_t head, size_t n)
 {
-    char *written = text ? json_dumps(text, JSON_COMPACT | JSON_REAL_PRECISION(7)) : NULL;
+    char *written =
+        json_whole(text) ? json_dumps(text, JSON_COMPACT | JSON_REAL_PRECISION(7)) : NULL;
     size_t length = written ? strlen(written) : 0;
     struct frame *f = written ? frame_create(head + length + n, head > 0) : NULL;
 

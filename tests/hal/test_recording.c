@@ -3,6 +3,7 @@
 
 #include <errno.h>
 #include <math.h>
+#include <time.h>
 #include <unistd.h>
 
 #include <sndfile.h>
@@ -340,6 +341,47 @@ static void what_is_written_reads_back(void **state)
     free(y);
 }
 
+static time_t date = 1700000000;
+
+/* As libsndfile sees it. */
+time_t time(time_t *out)
+{
+    if (out)
+        *out = date;
+    return date;
+}
+
+static size_t read_file(const char *path, char *out, size_t size)
+{
+    FILE *f = fopen(path, "rb");
+
+    assert_non_null(f);
+    size_t n = fread(out, 1, size, f);
+    assert_true(n < size);
+    fclose(f);
+    return n;
+}
+
+static void equal_recordings_are_equal_files_whenever_they_are_written(void **state)
+{
+    static char bytes[2][8192];
+    float x[MICROPHONES * FRAMES];
+    struct error why = {.text = ""};
+    struct scratch *s = *state;
+    size_t n[2];
+
+    for (size_t i = 0; i < MICROPHONES * FRAMES; i++)
+        x[i] = (float)sin(0.01 * (double)(i * i));
+    for (int i = 0; i < 2; i++) {
+        date += 100 * i;
+        assert_int_equal(
+            recording_write(s->folder, 0, MICROPHONES, FRAMES, 48000, x, &why), 0);
+        n[i] = read_file(scratch_path(s, "pos00.wav"), bytes[i], sizeof bytes[i]);
+    }
+    assert_int_equal(n[0], n[1]);
+    assert_memory_equal(bytes[0], bytes[1], n[0]);
+}
+
 #define TEST(name) cmocka_unit_test_setup_teardown(name, scratch_open, scratch_close)
 
 int main(void)
@@ -353,6 +395,7 @@ int main(void)
         TEST(folders_without_a_recording_are_named),
         TEST(a_file_that_vanishes_after_opening_is_an_error),
         TEST(what_is_written_reads_back),
+        TEST(equal_recordings_are_equal_files_whenever_they_are_written),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

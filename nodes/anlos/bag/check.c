@@ -160,7 +160,8 @@ static int recover(char *from, const char *to)
     if (err)
         return verb_end("recover", err, &why);
     print_result(&found, from, to);
-    return fflush(stdout) || bag_recovery_is_loss(&found) ? EXIT_FAILED : EXIT_WORKED;
+    int code = usage_flush("bag recover");
+    return code ? code : bag_recovery_is_loss(&found) ? EXIT_FAILED : EXIT_WORKED;
 }
 
 int bag_recover_command(int argc, char **argv)

@@ -643,7 +643,8 @@ static int run(const struct format *f, const struct export_options *o)
                 "anlos bag export: %s: %zu pings are missing; silence stands for "
                 "them\n",
                 o->file, n_missing);
-    return fflush(stdout) || n_missing ? EXIT_FAILED : EXIT_WORKED;
+    int code = usage_flush("bag export");
+    return code ? code : n_missing ? EXIT_FAILED : EXIT_WORKED;
 }
 
 static int take_option(struct export_options *o, const struct format **f, int code)

@@ -14,6 +14,7 @@
 #include "nodes/anlos/bag/bag.h"
 #include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/usage.h"
+#include "nodes/rt/json_whole.h"
 
 /* -- how much of each topic is in a bag -------------------------------------------------
  */
@@ -503,9 +504,10 @@ static int info_print_json(const struct bag_catalog *bag, const struct contents 
         (json_int_t)bag->n_chunks, "compression", text_json(c->compression),
         "compression_ratio", contents_ratio(c), "summary", !bag->scanned, "topics",
         topics_json(c), "attachments", attachments_json(bag), "metadata", metadata);
-    err = !o || json_dumpf(o, stdout, JSON_INDENT(2)) || putchar('\n') == EOF
-              ? error_say(why, -EIO, "stdout: cannot write")
-              : 0;
+    if (!json_whole(o))
+        err = error_say(why, -ENOMEM, "out of memory");
+    else if (json_dumpf(o, stdout, JSON_INDENT(2)) || putchar('\n') == EOF)
+        err = error_say(why, -EIO, "stdout: cannot write");
     json_decref(o);
     return err || !fflush(stdout) ? err : error_say(why, -EIO, "stdout: cannot write");
 }

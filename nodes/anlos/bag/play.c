@@ -299,10 +299,9 @@ static int run(struct request *r)
     }
     if (err == -ESHUTDOWN)
         return EXIT_INTERRUPTED;
-    return err || status.pings.missing || status.pings.unused || status.lost ||
-                   fflush(stdout)
-               ? EXIT_FAILED
-               : EXIT_WORKED;
+    bool whole = !err && !status.pings.missing && !status.pings.unused && !status.lost;
+    int code = usage_flush("bag play");
+    return code ? code : whole ? EXIT_WORKED : EXIT_FAILED;
 }
 
 int bag_play(int argc, char **argv)

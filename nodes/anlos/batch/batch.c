@@ -300,6 +300,8 @@ static void tell(struct batch *b, const json_t *line)
 
     if (text)
         puts(text);
+    else
+        fprintf(stderr, "anlos batch: a result is not printed: out of memory\n");
     fflush(stdout);
     free(text);
     if (!result_is_failure(line)) {

@@ -16,6 +16,7 @@
 #include "nodes/anlos/text.h"
 #include "nodes/record/revision.h"
 #include "nodes/rt/exit_code.h"
+#include "nodes/rt/json_whole.h"
 
 /* -- hashes -----------------------------------------------------------------------------
  */
@@ -334,10 +335,11 @@ int result_write(const struct result_place *p, const char *name, const json_t *l
                  const char *temporary, struct error *why)
 {
     char path[PATH_MAX];
-    FILE *f = line ? fopen(temporary, "we") : NULL;
+    bool whole = json_whole(line);
+    FILE *f = whole ? fopen(temporary, "we") : NULL;
 
     file_of(p, name, path);
-    if (!line)
+    if (!whole)
         return error_say(why, -ENOMEM, "%s: out of memory", path);
     errno = 0;
     if (f && (json_dumpf(line, f, JSON_COMPACT | JSON_REAL_PRECISION(9)) ||

@@ -12,6 +12,7 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "nodes/rt/json_whole.h"
 #include "nodes/rt/log_line.h"
 
 static const char *const level_names[] = {"ok", "note", "wrong"};
@@ -147,7 +148,7 @@ static void answer(const struct check *c, const void *ctx, int fd)
     prctl(PR_SET_PDEATHSIG, SIGKILL);
     c->look(ctx, &f);
     json_t *o = findings_json(&f);
-    int failed = !o || json_dumpfd(o, fd, JSON_COMPACT);
+    int failed = !json_whole(o) || json_dumpfd(o, fd, JSON_COMPACT);
     json_decref(o);
     findings_clear(&f);
     close(fd);

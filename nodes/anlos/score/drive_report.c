@@ -11,6 +11,7 @@
 #include "nodes/anlos/score/drive_score.h"
 #include "nodes/rt/export_chart.h"
 #include "nodes/rt/export_file.h"
+#include "nodes/rt/json_whole.h"
 
 void drive_name(const char *path, char *out, size_t size)
 {
@@ -207,6 +208,8 @@ int drive_json_write(const json_t *all, const char *folder, struct error *why)
 
     if (!json_object_size(all)) /* nothing came out */
         return 0;
+    if (!json_whole(all))
+        return error_say(why, -ENOMEM, "%s/drive.json: out of memory", folder);
     int err = export_file_open(&e, folder, "drive.json", why);
 
     if (err)

@@ -127,7 +127,7 @@ static int show(struct bus *bus, const struct tally *t, const struct topic_watch
         return -ENOMEM;
     w->table(t, elapsed_s, f);
     print_rest(bus, f);
-    if (fclose(f)) {
+    if (fclose(f) || !text) {
         err = -ENOMEM;
     } else if (w->live) {
         live_size(STDOUT_FILENO, &rows, &columns);
