@@ -185,6 +185,8 @@ int command_launch(int argc, char **argv)
         site_close(launch, run_dir);
         if (reported)
             print_results(launch);
+        int unwritten = usage_flush("launch");
+        code = code ? code : unwritten;
     }
     launchfile_destroy(launch);
     return code;

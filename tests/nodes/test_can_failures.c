@@ -6,6 +6,12 @@
 #include <errno.h>
 #include <unistd.h>
 
+#include "msgs/detections.pb-c.h"
+#include "msgs/health.pb-c.h"
+#include "msgs/save.pb-c.h"
+#include "msgs/scan.pb-c.h"
+#include "msgs/survey.pb-c.h"
+#include "msgs/wall.pb-c.h"
 #include "nodes/can/config.h"
 #include "nodes/can/outbox.h"
 #include "nodes/can/vehicle.h"
@@ -161,6 +167,128 @@ static void every_failure_while_a_launch_file_is_read_is_told(void **state)
     }
 }
 
+/* -- the node
+ * -------------------------------------------------------------------------------
+ */
+
+struct node_job {
+    struct arguments arguments;
+    char launch_path[512], log_path[512];
+    bool has_run;
+    struct detection_list {
+        Anlos__DetectionList list;
+        Anlos__Detection detection, *all[1];
+        Anlos__Vec3 at;
+    } said;
+};
+
+/* Each kind of message once, and a list; then its end, which does not wait. */
+static int take_all(struct vehicle *v, struct node_job *j)
+{
+    Anlos__ScanStatus status = ANLOS__SCAN_STATUS__INIT;
+    Anlos__Survey survey = ANLOS__SURVEY__INIT;
+    Anlos__Health health = ANLOS__HEALTH__INIT;
+    Anlos__WallList walls = ANLOS__WALL_LIST__INIT;
+    Anlos__SaveStatus saved = ANLOS__SAVE_STATUS__INIT;
+    const ProtobufCMessage *const contents[] = {&j->said.list.base, &status.base,
+                                                &survey.base,       &health.base,
+                                                &walls.base,        &saved.base};
+    int err = 0;
+
+    for (size_t i = 0; !err && vehicle_loop.inputs[i].topic; i++) {
+        struct node_message in = {.topic = vehicle_loop.inputs[i].topic(),
+                                  .content = contents[i],
+                                  .epoch_ns = 5,
+                                  .capture_ns = 1000,
+                                  .publish_ns = 2000};
+        strcpy(in.from, topic_publisher(in.topic, 0));
+        assert_ptr_equal(contents[i]->descriptor, in.topic->schema);
+        err = vehicle_loop.inputs[i].take(v, &in);
+        if (!err)
+            err = vehicle_loop.timers[0].run(v);
+    }
+    vehicle_loop.end(v, -EIO);
+    return err;
+}
+
+static int node_work(void *context, struct error *why)
+{
+    struct node_job *j = context;
+    struct vehicle *v = NULL;
+    struct node *n;
+    int err = node_start(&n, "can", &j->arguments, why);
+
+    if (err)
+        return err;
+    err = vehicle_open(&v, n, why);
+    if (!err)
+        err = take_all(v, j);
+    vehicle_loop.close(v);
+    node_finish(n, NODE_TOLD);
+    return err;
+}
+
+/* Whole lines; the list is in there once where nothing fails, and never twice. */
+static void check_node(void *context, int err)
+{
+    struct node_job *j = context;
+    FILE *f = fopen(j->log_path, "r");
+    size_t headers = 0;
+    char line[256];
+
+    while (f && fgets(line, sizeof line, f)) {
+        assert_non_null(strchr(line, '\n'));
+        headers += strstr(line, " 402#") != NULL;
+    }
+    if (f)
+        fclose(f);
+    assert_in_range(headers, !err && !j->has_run, 1);
+    j->has_run = true;
+    unlink(j->log_path);
+}
+
+static void prepare_node(struct node_job *j, struct rig *r, const char *uri)
+{
+    char text[700];
+
+    *j = (struct node_job){.said = {.list = ANLOS__DETECTION_LIST__INIT,
+                                    .detection = ANLOS__DETECTION__INIT,
+                                    .at = ANLOS__VEC3__INIT}};
+    snprintf(j->log_path, sizeof j->log_path, "%s",
+             scratch_path(r->scratch, "can.candump"));
+    snprintf(text, sizeof text,
+             "nodes: [track, can]\ncan: {uri: '%s'}\nreport: {folder: %s}\n", uri,
+             r->scratch->folder);
+    snprintf(j->launch_path, sizeof j->launch_path, "%s",
+             scratch_write(r->scratch, "can.yaml", text));
+    j->arguments = (struct arguments){.launch = j->launch_path,
+                                      .run_dir = r->scratch->folder,
+                                      .log_level = LOG_LEVEL_ERROR};
+    j->said.all[0] = &j->said.detection;
+    j->said.at.x = 3.0;
+    j->said.detection.position_m = &j->said.at;
+    j->said.detection.existence = 0.9;
+    j->said.list.counter = 1;
+    j->said.list.in_vehicle_frame = true;
+    j->said.list.detections = j->said.all;
+    j->said.list.n_detections = 1;
+}
+
+static void a_node_that_cannot_start_says_why(void **state)
+{
+    static const char *const uris[] = {
+        "log:can.candump",
+        "sim:" SOURCE_DIR "/launch/scenes/drive-person.yaml?log=can.candump"};
+    static struct node_job j;
+    const struct failing_work work = {
+        .name = "the node can", .run = node_work, .check = check_node, .context = &j};
+
+    for (size_t i = 0; i < 2; i++) {
+        prepare_node(&j, *state, uris[i]);
+        assert_true(failing_each(&work) > 50);
+    }
+}
+
 #define TEST(name) cmocka_unit_test_setup_teardown(name, setup, teardown)
 
 int main(void)
@@ -168,6 +296,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         TEST(no_frame_is_lost_untold_in_a_log),
         TEST(every_failure_while_a_launch_file_is_read_is_told),
+        TEST(a_node_that_cannot_start_says_why),
     };
     return cmocka_run_group_tests(tests, scratch_in_memory, NULL);
 }

@@ -9,6 +9,7 @@
 
 #include "nodes/launcher/launcher.h"
 #include "nodes/launcher/site.h"
+#include "nodes/launcher/truth.h"
 #include "nodes/rt/exit_code.h"
 #include "tests/failing.h"
 
@@ -119,6 +120,67 @@ static void a_run_folder_that_cannot_be_had_is_refused_with_a_reason(void **stat
     assert_true(failing_each(&work) > 2);
 }
 
+/* -- what stands at the end of a launch
+ * ---------------------------------------------------------------------------------------
+ */
+
+/* The report is read before: of a text that it has no memory for jansson ends the
+ * process. */
+struct table {
+    const struct rig *rig;
+    struct truth found;
+};
+
+static int table_work(void *context, struct error *why)
+{
+    const struct table *table = context;
+    struct truth t = table->found;
+    FILE *f = fopen(table->rig->log_path, "w");
+
+    if (!f)
+        return error_say(why, -errno, "the table: %s", strerror(errno));
+    int err = truth_read_scene(&t, SOURCE_DIR "/tests/nodes/point.yaml", why);
+    if (!err) {
+        truth_match(&t);
+        truth_print(&t, f);
+    }
+    bool failed = ferror(f);
+    failed = fclose(f) || failed;
+    return err || !failed ? err : error_say(why, -EIO, "the table is cut");
+}
+
+static void check_table(void *context, int err)
+{
+    const struct table *table = context;
+    char text[4096] = "";
+
+    if (err)
+        return;
+    FILE *f = fopen(table->rig->log_path, "r");
+    assert_non_null(f);
+    assert_in_range(fread(text, 1, sizeof text - 1, f), 1, sizeof text - 2);
+    fclose(f);
+    assert_contains(text, "point (point)");
+    assert_contains(text, "vehicle frame");
+}
+
+static void a_table_that_is_not_whole_is_told(void **state)
+{
+    struct rig *r = *state;
+    static struct table table;
+    struct error why = {""};
+    const struct failing_work work = {
+        .name = "the table", .run = table_work, .check = check_table, .context = &table};
+
+    scratch_write(r->scratch, "detections.json",
+                  "{\"frame\": \"vehicle\", \"mirrored_at_wall\": true, \"detections\": "
+                  "[{\"position_m\": [0.4, 0.2, 0.44], \"existence\": 0.8}]}");
+    table = (struct table){.rig = r};
+    if (truth_read_detections(&table.found, r->scratch->folder, &why))
+        fail_msg("%s", why.text);
+    assert_true(failing_each(&work) > 20);
+}
+
 #define TEST(name) cmocka_unit_test_setup_teardown(name, setup, teardown)
 
 int main(void)
@@ -126,6 +188,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         TEST(a_launch_that_fails_says_why),
         TEST(a_run_folder_that_cannot_be_had_is_refused_with_a_reason),
+        TEST(a_table_that_is_not_whole_is_told),
     };
     return cmocka_run_group_tests(tests, scratch_in_memory, NULL);
 }
