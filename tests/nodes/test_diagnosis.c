@@ -5,6 +5,7 @@
 #include <stddef.h>
 #include <stdint.h>
 #include <stdio.h>
+#include <string.h>
 
 #include <cmocka.h>
 
@@ -181,6 +182,27 @@ static void the_version_is_that_of_the_program(void **state)
     assert_string_equal(text, ANLOS_VERSION);
 }
 
+static void each_of_all_faults_has_its_turn(void **state)
+{
+    bool had[CAN_FAULTS + 1] = {false};
+    struct diagnosis d;
+    struct watch w = {.faults = 0};
+
+    (void)state;
+    diagnosis_init(&d, 1);
+    memset(w.raised, 1, sizeof w.raised);
+    for (int i = 0; i < CAN_FAULTS; i++)
+        had[next(&d, &w, S).trouble] = true;
+    for (int i = 1; i <= CAN_FAULTS; i++)
+        assert_true(had[i]);
+    for (int i = 0; i < CAN_FAULTS; i++) { /* and of one alone that one each time */
+        memset(w.raised, 0, sizeof w.raised);
+        w.raised[i] = 2;
+        for (int k = 0; k < 3; k++)
+            assert_int_equal(next(&d, &w, S).trouble, i + 1);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -190,6 +212,7 @@ int main(void)
         cmocka_unit_test(pings_that_a_node_missed_before_its_restart_stay_counted),
         cmocka_unit_test(the_signal_to_noise_is_of_the_strongest_object),
         cmocka_unit_test(every_fault_has_its_turn),
+        cmocka_unit_test(each_of_all_faults_has_its_turn),
         cmocka_unit_test(the_version_is_that_of_the_program),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

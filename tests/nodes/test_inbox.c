@@ -312,6 +312,8 @@ static void walls_are_kept_until_they_are_taken_back_or_old(void **state)
     assert_int_equal(r.inbox.wall_list.n_walls, 1);
     assert_int_equal(r.inbox.wall_list.walls[0]->id, 3);
     assert_int_equal(give_wall(&r, 0, CAN_VALID), INBOX_NOTHING);
+    assert_int_equal(give_wall(&r, INBOX_WALLS, CAN_VALID), INBOX_WALLS_GIVEN);
+    assert_int_equal(r.inbox.wall_list.n_walls, 2);
 }
 
 /* Nothing else has to come from the vehicle. */

@@ -91,6 +91,20 @@ static void what_is_older_than_its_span_goes_and_no_more(void **state)
     ring_destroy(r);
 }
 
+/* It begins with room for fewer. */
+static void all_of_a_long_span_are_kept(void **state)
+{
+    struct ring *r = open_ring(3600 * S, WIDE, NULL);
+
+    (void)state;
+    for (uint64_t i = 0; i < 10; i++) /* so that its beginning is not that of its list */
+        put(r, i, 10, 0);
+    for (uint64_t i = 10; i < 5000; i++)
+        put(r, i, 10, 3601 * S);
+    check_sequences(r, 10, 4999);
+    ring_destroy(r);
+}
+
 static void more_than_its_bytes_are_never_there(void **state)
 {
     struct ring *r = open_ring(3600 * S, 10 * cost(1000), NULL);
@@ -200,6 +214,25 @@ static void a_background_of_more_than_half_of_all_is_counted_and_goes(void **sta
     ring_destroy(r);
 }
 
+static void a_background_of_half_of_all_stays(void **state)
+{
+    uint8_t room[100];
+    size_t one = cost(pack_ping(room, ANLOS__PASS__BACKGROUND, 1));
+    struct ring *r = open_ring(S, 20 * one, NULL);
+    struct ring_totals t;
+
+    (void)state;
+    for (uint64_t i = 0; i < 10; i++)
+        put_ping(r, i, ANLOS__PASS__BACKGROUND, 1, 0);
+    ring_trim(r, 2 * S);
+    ring_sum(r, &t);
+    assert_int_equal(t.background_gone, 0);
+    assert_int_equal(t.background_bytes, 10 * one);
+    for (size_t i = 0; i < 10; i++)
+        assert_int_equal(ring_kept(r, i)->message.envelope.sequence, i);
+    ring_destroy(r);
+}
+
 static void what_is_held_goes_only_for_want_of_room_and_is_reported(void **state)
 {
     struct gone gone = {0};
@@ -246,10 +279,12 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(what_is_older_than_its_span_goes_and_no_more),
+        cmocka_unit_test(all_of_a_long_span_are_kept),
         cmocka_unit_test(more_than_its_bytes_are_never_there),
         cmocka_unit_test(the_newest_survey_stays),
         cmocka_unit_test(the_background_of_the_newest_scan_stays),
         cmocka_unit_test(a_background_of_more_than_half_of_all_is_counted_and_goes),
+        cmocka_unit_test(a_background_of_half_of_all_stays),
         cmocka_unit_test(what_is_held_goes_only_for_want_of_room_and_is_reported),
         cmocka_unit_test(what_got_lost_has_its_place),
     };
