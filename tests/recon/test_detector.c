@@ -110,12 +110,41 @@ static void one_that_sets_off_knows_noise_already(void **state)
     detector_clear(&d);
 }
 
+/* Seen along the array, at whatever height: the detector hears none. */
+static void what_is_held_is_within_its_reach_wherever_it_is(void **state)
+{
+    static const double held[2][3] = {{0.83, 0.4, 1.31}, {-1.2, 0.0, 3.9}};
+    unsigned long long seed = 11;
+    struct detector d;
+    float *image = calloc(CELLS, sizeof *image);
+
+    (void)state;
+    assert_non_null(image);
+    start(&d);
+    show(&d, 1, 1.0, false, &seed);
+    const struct volume v = {
+        .survey_id = d.survey_id, .grid = grid, .intensity = image, .frame = 2};
+    detector_learn(&d, &v, held, 2, 0.33);
+    for (size_t i = 0; i < CELLS; i++) {
+        double x = grid.origin_m[0] + grid.step_m[0] * (double)(i % NX);
+        double z = grid.origin_m[2] + grid.step_m[2] * (double)(i / NX);
+        double to_first = hypot(x - held[0][0], z - held[0][2]);
+        double to_second = hypot(x - held[1][0], z - held[1][2]);
+        double nearest = fmin(to_first, to_second);
+        if (fabs(nearest - 0.33) > 1e-6)
+            assert_int_equal(d.held[i], nearest < 0.33);
+    }
+    detector_clear(&d);
+    free(image);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(what_stands_makes_no_noise_where_it_was_taken_away),
         cmocka_unit_test(noise_is_not_learnt_while_a_background_begins),
         cmocka_unit_test(one_that_sets_off_knows_noise_already),
+        cmocka_unit_test(what_is_held_is_within_its_reach_wherever_it_is),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

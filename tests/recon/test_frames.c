@@ -20,6 +20,7 @@ static const double carrier_hz = 11000.0;
 struct heard { /* which pings of a row, which of their microphones */
     size_t n_pings;
     bool missing[64], masked[64][MICROPHONES];
+    double away_m[3]; /* all of it, from where the others are */
 };
 
 struct still { /* do not copy: a standing array with traces in closed form */
@@ -28,13 +29,23 @@ struct still { /* do not copy: a standing array with traces in closed form */
     float complex *traces;
 };
 
-static void still_start(struct still *s, enum frames_sum sum, size_t n_pings)
+static void still_start_at(struct still *s, enum frames_sum sum, size_t n_pings,
+                           const double away_m[3])
 {
     struct bumper *b = &s->bumper;
+    double look_m[3] = {0.36, 0.03, 1.44};
     s->point = (struct scatterer){{0.37, 0.02, 1.43}, 1.0};
     bumper_default(b);
     bumper_elements(b, SPEAKERS, MICROPHONES);
-    bumper_look_at(b, (const double[3]){0.36, 0.03, 1.44}, SIDE, 0.012);
+    for (int a = 0; a < 3; a++) {
+        s->point.at_m[a] += away_m[a];
+        look_m[a] += away_m[a];
+        for (size_t j = 0; j < SPEAKERS; j++)
+            b->speakers_m[j][a] += away_m[a];
+        for (size_t i = 0; i < MICROPHONES; i++)
+            b->microphones_m[i][a] += away_m[a];
+    }
+    bumper_look_at(b, look_m, SIDE, 0.012);
     bumper_start(b);
     b->cfg.format = (struct trace_format){0.0041, 36000.0, carrier_hz, 360};
     b->cfg.sum = sum;
@@ -42,6 +53,11 @@ static void still_start(struct still *s, enum frames_sum sum, size_t n_pings)
     s->traces = malloc(MICROPHONES * b->cfg.format.n_samples * sizeof *s->traces);
     if (!s->traces)
         abort();
+}
+
+static void still_start(struct still *s, enum frames_sum sum, size_t n_pings)
+{
+    still_start_at(s, sum, n_pings, (const double[3]){0.0, 0.0, 0.0});
 }
 
 static void still_stop(struct still *s)
@@ -151,7 +167,7 @@ static void compare(enum frames_sum sum, const struct heard *h)
     struct still s;
     struct frames_made made;
     size_t present = 0;
-    still_start(&s, sum, h->n_pings);
+    still_start_at(&s, sum, h->n_pings, h->away_m);
     struct frames *f = bumper_frames(&s.bumper);
     for (size_t k = 0; k < h->n_pings; k++) {
         present += !h->missing[k];
@@ -174,6 +190,15 @@ static void an_image_is_the_direct_sum(void **state)
     const struct heard all = {.n_pings = SPEAKERS};
     compare(FRAMES_COHERENT, &all);
     compare(FRAMES_POWER, &all);
+}
+
+/* The origin is nowhere in particular. */
+static void so_it_is_of_an_array_that_is_elsewhere(void **state)
+{
+    (void)state;
+    const struct heard away = {.n_pings = SPEAKERS, .away_m = {0.8, -0.3, 0.6}};
+    compare(FRAMES_COHERENT, &away);
+    compare(FRAMES_POWER, &away);
 }
 
 static void so_it_is_with_more_pings_than_speakers_and_fewer(void **state)
@@ -474,6 +499,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(an_image_is_the_direct_sum),
+        cmocka_unit_test(so_it_is_of_an_array_that_is_elsewhere),
         cmocka_unit_test(so_it_is_with_more_pings_than_speakers_and_fewer),
         cmocka_unit_test(a_missing_ping_leaves_the_others_with_their_weights),
         cmocka_unit_test(masked_microphones_do_not_count),
