@@ -798,6 +798,26 @@ static void a_fit_of_a_thin_volume_is_told_what_stands_beside_it(void **state)
     }
 }
 
+/* Where what is heard ends at the volume's other end. */
+static void a_fit_is_given_room_on_the_side_where_there_is_some(void **state)
+{
+    (void)state;
+    static const char *const fits[2] = {"iterative", "sparse"};
+
+    for (int q = 0; q < 4; q++) {
+        struct scatterer point = {{0.0, 0.0, 1.1}, 1.0};
+        struct rig r;
+        outside_rig(&r, fits[q / 2]);
+        double half_m = 0.5 * r.grid.step_m[2] * (double)(r.grid.n[2] - 1);
+        point.at_m[2] += (q % 2 ? 1.0 : -1.0) * (half_m + 0.03);
+        if (q % 2)
+            r.gate_m[0] = r.grid.origin_m[2] - 0.005;
+        else
+            rig_listen(&r, 0.7, r.grid.origin_m[2] + 2.0 * half_m + 0.015);
+        expect_true(&r, fits[q / 2], &point, true);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -805,6 +825,7 @@ int main(void)
         cmocka_unit_test(what_stands_outside_is_not_placed_surely),
         cmocka_unit_test(what_stands_in_the_middle_is_known),
         cmocka_unit_test(a_fit_of_a_thin_volume_is_told_what_stands_beside_it),
+        cmocka_unit_test(a_fit_is_given_room_on_the_side_where_there_is_some),
         cmocka_unit_test(another_method_is_refused),
         cmocka_unit_test(nothing_added_and_silence_added_show_nothing),
         cmocka_unit_test(a_ping_added_twice_counts_once),
