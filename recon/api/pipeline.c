@@ -10,10 +10,6 @@
 #include "recon/api/api.h"
 #include "recon/processing.h"
 
-#define FULL_SCALE   0.9999f
-#define CLIPPED_RUN  3 /* one sample or two at full scale may be a loud sound */
-#define MOST_THREADS POOL_MAX_THREADS
-
 struct anlos_pipeline {
     struct pipeline *inside;
     struct api_config cfg;

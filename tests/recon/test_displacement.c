@@ -217,6 +217,35 @@ static void two_that_were_knocked_are_both_named_and_one_that_is_back_is_not(voi
     displacement_destroy(w.d);
 }
 
+/* The median of the newest arrivals has it in more than half of their rounds, and as many
+ * rounds as confirm it are one after the other then. */
+static void a_move_is_told_once_rounds_confirm_it_and_a_passing_one_never(void **state)
+{
+    const int seen = DISPLACEMENT_RING / 2;
+    struct world w;
+    size_t e = N + 6;
+
+    (void)state;
+    start_line(&w);
+    hear(&w, 20);
+    for (int k = 0; k < 3; k++) { /* it was somebody who went by */
+        w.microphones_at_m[6][0] += 0.02;
+        hear(&w, DISPLACEMENT_CONFIRM - 1);
+        check_moved(&w, 0, NULL);
+        w.microphones_at_m[6][0] -= 0.02;
+        for (int round = 0; round < 6; round++) {
+            hear(&w, 1);
+            check_moved(&w, 0, NULL);
+        }
+    }
+    w.microphones_at_m[6][0] += 0.02;
+    hear(&w, seen + DISPLACEMENT_CONFIRM - 1);
+    check_moved(&w, 0, NULL);
+    hear(&w, 2);
+    check_moved(&w, 1, &e);
+    displacement_destroy(w.d);
+}
+
 /* Nor is one that was told before taken for well because nothing is heard of it. */
 static void who_hears_nothing_is_not_called_moved(void **state)
 {
@@ -268,6 +297,7 @@ int main(void)
         cmocka_unit_test(air_wind_and_time_zero_move_nobody),
         cmocka_unit_test(
             two_that_were_knocked_are_both_named_and_one_that_is_back_is_not),
+        cmocka_unit_test(a_move_is_told_once_rounds_confirm_it_and_a_passing_one_never),
         cmocka_unit_test(who_hears_nothing_is_not_called_moved),
         cmocka_unit_test(a_channel_that_is_late_has_not_moved),
     };
