@@ -297,6 +297,64 @@ static void values_out_of_range_are_named_with_their_limits(void **state)
                    "frames of 8 bytes cannot have their end-to-end protection");
 }
 
+/* Asks for what cannot be, and takes what the refusal says can; what is beyond cannot. */
+static void the_limits_that_a_refusal_names_may_be_had(void **state)
+{
+    static const struct {
+        const char *text; /* %g: where the number goes */
+        const char *after;
+        bool whole;
+    } keys[] = {
+        {"nodes: [can]\nscan: {window: %g}\n", "scan.window: expected ", true},
+        {"nodes: [can]\nscan: {timeout_s: %g}\n", "scan.timeout_s: expected ", false},
+        {"nodes: [can]\ncan: {bitrate: %g}\n", "can.bitrate: expected ", true},
+        {"nodes: [can]\ncan: {load: %g}\n", "can.load: expected ", false},
+        {"nodes: [can]\ncan: {base_id: %g}\n", "can.base_id: expected ", true},
+        {"nodes: [can]\ncan: {uri: 'socketcan:a', diagnosis: {request: %g, response: "
+         "0x7e8}}\n",
+         "can.diagnosis.request: expected ", true},
+        {"nodes: [can]\ntrack: {detection_probability: %g}\n",
+         "track.detection_probability: expected ", false},
+        {"nodes: [can]\ntrack: {clutter: %g}\n", "track.clutter: expected ", false},
+        {"nodes: [can]\ntrack: {coast_s: %g}\n", "track.coast_s: expected ", false},
+        {"nodes: [can]\nwall: {every_s: %g}\n", "wall.every_s: expected ", false},
+        {"nodes: [can]\nwall: {lost_s: %g}\n", "wall.lost_s: expected ", false},
+        {"nodes: [can]\nrecord: {snapshot: {folder: a, max_mb: %g}}\n",
+         "record.snapshot.max_mb: expected ", true},
+    };
+
+    for (size_t i = 0; i < sizeof keys / sizeof *keys; i++) {
+        struct error why = {""};
+        struct launchfile *l = NULL;
+        char text[300], *end;
+
+        const char *at = strstr(keys[i].text, "%g");
+        snprintf(text, sizeof text, "%.*s4000000000%s", (int)(at - keys[i].text),
+                 keys[i].text, at + 2);
+        const char *path = scratch_write(*state, "a.yaml", text);
+        assert_int_equal(launchfile_load(&l, path, NULL, &why), -EINVAL);
+        const char *limits = strstr(why.text, keys[i].after);
+        assert_non_null(limits);
+        double low = strtod(limits + strlen(keys[i].after), &end);
+        assert_int_equal(strncmp(end, " to ", 4), 0);
+        double high = strtod(end + 4, NULL);
+        const double values[4] = {low, high, keys[i].whole ? low - 1.0 : 0.999 * low,
+                                  keys[i].whole ? high + 1.0 : 1.001 * high};
+        for (int k = 0; k < 4; k++) {
+            char number[40];
+            snprintf(number, sizeof number, keys[i].whole ? "%.0f" : "%.9g", values[k]);
+            snprintf(text, sizeof text, "%.*s%s%s", (int)(at - keys[i].text),
+                     keys[i].text, number, at + 2);
+            int err =
+                launchfile_load(&l, scratch_write(*state, "a.yaml", text), NULL, &why);
+            if (err != (k < 2 ? 0 : -EINVAL))
+                fail_msg("%s%s: %s", keys[i].after, number, err ? why.text : "taken");
+            if (!err)
+                launchfile_destroy(l);
+        }
+    }
+}
+
 static void a_tester_has_identifiers_of_its_own(void **state)
 {
     struct launchfile *l = launch_load(
@@ -631,6 +689,7 @@ int main(void)
         TEST(a_recording_on_the_command_line_adds_the_recorder_before_all),
         TEST(mistakes_are_named_with_file_and_line),
         TEST(values_out_of_range_are_named_with_their_limits),
+        TEST(the_limits_that_a_refusal_names_may_be_had),
         TEST(a_tester_has_identifiers_of_its_own),
         TEST(names_that_do_not_exist_are_refused_with_those_that_do),
         TEST(nodes_that_hang_may_be_left_alone),
