@@ -76,6 +76,43 @@ static void a_subscriber_may_start_before_the_publisher(void **state)
     bus_destroy(array);
 }
 
+static void wait_for_peers(struct bus *array, uint64_t expected)
+{
+    int64_t end_ms = now_ms() + DEADLINE_MS;
+    struct bus_message none;
+    struct bus_count c;
+
+    while (c = count_of(array, topic_ping(), true), c.peers != expected) {
+        if (now_ms() > end_ms)
+            fail_msg("%llu listen, and not %llu", (unsigned long long)c.peers,
+                     (unsigned long long)expected);
+        assert_int_equal(bus_publish(array, topic_ping(), 0, 0, "hello", 5), 0);
+        assert_int_equal(bus_receive(array, &none, 1), -ETIMEDOUT);
+    }
+}
+
+/* Two over nanomsg, one that keeps all over ZeroMQ. */
+static void who_listens_is_counted_while_it_does(void **state)
+{
+    (void)state;
+    struct bus *array = open_bus("array", 1), *dsp = open_bus("dsp", 1),
+               *tool = open_bus("tool", 1), *record = open_bus("record", 1);
+    bus_keep_all(record, 1 << 20, 1);
+    assert_int_equal(bus_subscribe(dsp, topic_ping()), 0);
+    wait_for_peers(array, 1);
+    assert_int_equal(bus_subscribe(record, topic_ping()), 0);
+    wait_for_peers(array, 2);
+    assert_int_equal(bus_subscribe(tool, topic_ping()), 0);
+    wait_for_peers(array, 3);
+    bus_destroy(record);
+    wait_for_peers(array, 2);
+    bus_destroy(dsp);
+    wait_for_peers(array, 1);
+    bus_destroy(tool);
+    wait_for_peers(array, 0);
+    bus_destroy(array);
+}
+
 static void a_restart_is_not_a_gap(void **state)
 {
     (void)state;
@@ -734,6 +771,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         in_a_folder(a_message_arrives_as_it_was_sent),
         in_a_folder(a_subscriber_may_start_before_the_publisher),
+        in_a_folder(who_listens_is_counted_while_it_does),
         in_a_folder(a_restart_is_not_a_gap),
         in_a_folder(who_keeps_all_counts_from_the_start_of_a_younger_publisher),
         in_a_folder(who_keeps_all_hears_the_first_message),

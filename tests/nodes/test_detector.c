@@ -225,7 +225,7 @@ static void what_no_wall_stands_before_is_marked(void **state)
 }
 
 /* The array sees a strip 0.4 to 0.6 m before it: one stands in it, the other at 0.2. */
-static void what_would_playback_publisher_free_view_is_marked(void **state)
+static void what_would_stand_in_free_view_is_marked(void **state)
 {
     struct rig *r = *state;
     const struct walls walls = {
@@ -338,7 +338,7 @@ int main(void)
         TEST(what_a_method_isolates_is_not_joined),
         TEST(each_wall_mirrors_what_its_gate_holds),
         TEST(what_no_wall_stands_before_is_marked),
-        TEST(what_would_playback_publisher_free_view_is_marked),
+        TEST(what_would_stand_in_free_view_is_marked),
         TEST(the_aperture_tells_how_wide_a_point_is),
         TEST(a_body_wider_than_a_point_has_an_extent),
         TEST(what_is_too_unlikely_is_left_out),
