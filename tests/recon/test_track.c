@@ -273,6 +273,23 @@ static void what_stood_beside_its_way_becomes_no_double(void **state)
     }
 }
 
+/* Two who walk abreast, farther from each other than one thing reaches: the second came
+ * while what stands was in the image, and is told as soon as it is taken away. */
+static void who_walks_beside_it_is_told_too(void **state)
+{
+    struct rig *r = *state;
+
+    for (int k = 0; k < 11; k++) {
+        double y = -2.0 + 1.0 * 0.25 * k;
+        see(r, 2.0, y, 0.03);
+        if (k >= 6)
+            see(r, 2.7, y, 0.03);
+        r->scan.standing_left = k >= 6 && k < 10;
+        step(r);
+    }
+    assert_int_equal(r->n, 2);
+}
+
 /* While they are one in the image, one of them coasts, and both go on as they came. */
 static void two_that_merge_and_part_stay_two(void **state)
 {
@@ -986,6 +1003,7 @@ int main(void)
         TEST(a_walker_is_as_far_off_as_his_covariance_says),
         TEST(crossing_objects_keep_their_ids),
         TEST(what_stood_beside_its_way_becomes_no_double),
+        TEST(who_walks_beside_it_is_told_too),
         TEST(two_that_merge_and_part_stay_two),
         TEST(what_is_told_of_something_fast_is_its_middle),
         TEST(an_extended_object_is_one_track_in_its_middle),
