@@ -3,6 +3,7 @@
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 #include <stdlib.h>
@@ -119,6 +120,43 @@ static void the_ordered_level_is_the_quantile_of_the_cells_around(void **state)
         image[i] = (float)(1 + i - (i > middle)); /* 1 to 62 */
     image[middle] = 1000.0f;
     assert_near(cfar_at(c, image, middle).threshold / cfar_factor(c, AROUND), 47.0, 1e-6);
+    cfar_destroy(c);
+}
+
+/* Every other cell of a volume is far brighter than those that a cell may train on, which
+ * lie a pitch apart on either side of the guard, along each axis as far as there are any.
+ */
+static void the_cells_that_are_trained_on_lie_a_pitch_apart_beyond_the_guard(void **state)
+{
+    (void)state;
+    enum { WIDE = 23, DEEP = 9, HIGH = 14 };
+    static float image[HIGH][DEEP][WIDE];
+    const struct cfar_config cfg = {.kind = CFAR_AVERAGING,
+                                    .false_alarm_rate = 1e-3,
+                                    .n = {WIDE, DEEP, HIGH},
+                                    .pitch = {2, 1, 3},
+                                    .guard = {2, 1, 3},
+                                    .training = {2, 1, 1}};
+    static const int cells[][3] = {{11, 4, 7}, {0, 0, 0}, {22, 8, 13}, {5, 1, 9}};
+    struct cfar *c = create(&cfg);
+
+    for (size_t q = 0; q < sizeof cells / sizeof *cells; q++) {
+        const int *at = cells[q];
+        for (int i = 0; i < WIDE * DEEP * HIGH; i++) {
+            int off[3] = {i % WIDE - at[0], i / WIDE % DEEP - at[1],
+                          i / (WIDE * DEEP) - at[2]};
+            bool trained = false;
+            for (int a = 0; a < 3; a++)
+                trained |= abs(off[a]) > (int)cfg.guard[a];
+            for (int a = 0; a < 3; a++)
+                trained &= off[a] % (int)cfg.pitch[a] == 0 &&
+                           abs(off[a]) <=
+                               (int)(cfg.guard[a] + cfg.pitch[a] * cfg.training[a]);
+            (&image[0][0][0])[i] = trained ? 2.0f : 1e6f;
+        }
+        size_t cell = (size_t)((at[2] * DEEP + at[1]) * WIDE + at[0]);
+        assert_near(cfar_at(c, &image[0][0][0], cell).noise, 2.0, 1e-6);
+    }
     cfar_destroy(c);
 }
 
@@ -452,6 +490,8 @@ int main(void)
         cmocka_unit_test(averaging_has_the_factor_of_finn_and_johnson),
         cmocka_unit_test(the_ordered_statistic_has_the_factor_of_rohling),
         cmocka_unit_test(the_ordered_level_is_the_quantile_of_the_cells_around),
+        cmocka_unit_test(
+            the_cells_that_are_trained_on_lie_a_pitch_apart_beyond_the_guard),
         cmocka_unit_test(the_rate_holds_in_noise),
         cmocka_unit_test(the_rate_holds_where_the_level_changes),
         cmocka_unit_test(the_rate_holds_for_sums_of_powers),

@@ -618,6 +618,20 @@ static void nonsense_is_refused(void **state)
     pulse_compress_destroy(NULL);
 }
 
+static void a_chirp_may_take_all_that_the_rate_has(void **state)
+{
+    struct pulse_compress_config cfg = standard;
+    struct pulse_compress *pc = NULL;
+
+    (void)state;
+    for (int down = 0; down < 2; down++) {
+        cfg.chirp.start_hz = down ? 0.5 * RATE_HZ : 0.0;
+        cfg.chirp.stop_hz = down ? 0.0 : 0.5 * RATE_HZ;
+        assert_int_equal(pulse_compress_create(&pc, &cfg), 0);
+        pulse_compress_destroy(pc);
+    }
+}
+
 static void finite_input_never_becomes_nan(void **state)
 {
     static const float levels[] = {0.0f, 1e-44f, 1.0f, 1e30f};
@@ -686,6 +700,7 @@ int main(void)
         cmocka_unit_test(a_ping_without_a_tail_still_shows_its_echoes),
         cmocka_unit_test(a_gate_beyond_the_ping_is_refused),
         cmocka_unit_test(nonsense_is_refused),
+        cmocka_unit_test(a_chirp_may_take_all_that_the_rate_has),
         cmocka_unit_test(finite_input_never_becomes_nan),
         cmocka_unit_test(the_same_ping_gives_the_same_bits),
     };
