@@ -376,7 +376,7 @@ struct node_job {
     struct rig *g;
     struct launchfile *launch;
     struct arguments arguments;
-    char launch_path[512];
+    char launch_path[512], saved[512];
 };
 
 static int session_work(void *context, struct error *why)
@@ -428,21 +428,23 @@ static void check_node(void *context, int err)
 
 static void open_launch(struct node_job *j, struct rig *g)
 {
-    const struct launchfile_options options = {.record = g->bag};
+    struct launchfile_options options = {.record = g->bag, .snapshot = j->saved};
     struct error why = {""};
 
     j->g = g;
+    snprintf(j->saved, sizeof j->saved, "%s", scratch_path(g->scratch, "saved"));
     scratch_write(g->scratch, "scene.yaml", "objects: []\n");
     scratch_write(g->scratch, "rig.yaml", "cards: []\n");
     snprintf(
         j->launch_path, sizeof j->launch_path, "%s",
         scratch_write(g->scratch, "launch.yaml",
                       "nodes: [record]\narray: {uri: 'sim:scene.yaml?rig=rig.yaml'}\n"
-                      "record: {topics: 'ping,survey', snapshot: {folder: saved}}\n"));
+                      "record: {topics: 'ping,survey'}\n"));
     if (launchfile_load(&j->launch, j->launch_path, &options, &why))
         fail_msg("%s", why.text);
     j->arguments = (struct arguments){.launch = j->launch_path,
                                       .record = g->bag,
+                                      .snapshot = j->saved,
                                       .run_dir = g->scratch->folder,
                                       .log_level = LOG_LEVEL_ERROR};
 }
