@@ -48,7 +48,8 @@ struct guarded {
 struct authenticator {
     void *context;
     pthread_t thread;
-    void *control; /* to the thread, under control_lock */
+    atomic_bool ends; /* the thread is to */
+    void *control;    /* to the thread, under control_lock */
     pthread_mutex_t control_lock;
     void *control_end, *zap;
     size_t n_guarded;
@@ -432,7 +433,7 @@ static void *serve(void *arg)
 {
     struct authenticator *a = arg;
     int64_t due_ms = 0;
-    for (;;) {
+    while (!a->ends) {
         zmq_pollitem_t items[2 + MAX_GUARDED] = {
             {.socket = a->control_end, .events = ZMQ_POLLIN},
             {.socket = a->zap, .events = ZMQ_POLLIN}};
@@ -459,6 +460,8 @@ static void *serve(void *arg)
         if (items[0].revents && !heed_control(a))
             return NULL;
     }
+    heed_control(a); /* monitors that are on their way are closed with the others */
+    return NULL;
 }
 
 static int open_pair(void **out, void *context, const char *endpoint, bool binds)
@@ -627,8 +630,9 @@ void authenticator_destroy(struct authenticator *a)
 {
     if (!a)
         return;
+    a->ends = true;
     pthread_mutex_lock(&a->control_lock);
-    zmq_send(a->control, "", 0, 0);
+    zmq_send(a->control, "", 0, 0); /* sooner than with its next look at the file */
     pthread_mutex_unlock(&a->control_lock);
     pthread_join(a->thread, NULL);
     release(a);

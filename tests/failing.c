@@ -27,7 +27,8 @@ static size_t calls, turn;   /* the turn-th call fails */
 static const char *failed;   /* what it was; NULL: its turn did not come */
 static void *live[MAX_LIVE]; /* open addressing; NULL: empty */
 static size_t n_live;
-static _Thread_local bool lasting; /* what is taken now is meant to stay */
+static _Thread_local bool working; /* the thread of the work itself, */
+static _Thread_local bool lasting; /* in a call whose own memory is not looked at */
 
 /* Is it the turn of this call? */
 static bool fails(const char *what, int number)
@@ -321,29 +322,43 @@ INSTEAD(int, pthread_create,
  * ---------------------------------------------------------
  */
 
-INSTEAD(int, nn_socket, (int domain, int protocol), (domain, protocol), EMFILE, -1)
-INSTEAD(int, nn_bind, (int s, const char *to), (s, to), EADDRINUSE, -1)
-INSTEAD(int, nn_connect, (int s, const char *to), (s, to), EMFILE, -1)
-INSTEAD(int, nn_setsockopt, (int s, int level, int what, const void *p, size_t n),
-        (s, level, what, p, n), EINVAL, -1)
-INSTEAD(int, nn_getsockopt, (int s, int level, int what, void *p, size_t *n),
-        (s, level, what, p, n), EINVAL, -1)
-INSTEAD(void *, nn_allocmsg, (size_t n, int type), (n, type), ENOMEM, NULL)
-INSTEAD(int, nn_send, (int s, const void *p, size_t n, int flags), (s, p, n, flags),
-        EAGAIN, -1)
-INSTEAD(void *, zmq_ctx_new, (void), (), EMFILE, NULL)
-INSTEAD(void *, zmq_socket, (void *context, int type), (context, type), EMFILE, NULL)
-INSTEAD(int, zmq_bind, (void *s, const char *to), (s, to), EADDRINUSE, -1)
-INSTEAD(int, zmq_connect, (void *s, const char *to), (s, to), EMFILE, -1)
-INSTEAD(int, zmq_setsockopt, (void *s, int what, const void *p, size_t n),
-        (s, what, p, n), EINVAL, -1)
-INSTEAD(int, zmq_getsockopt, (void *s, int what, void *p, size_t *n), (s, what, p, n),
-        EINVAL, -1)
-INSTEAD(int, zmq_socket_monitor, (void *s, const char *at, int events), (s, at, events),
-        EMFILE, -1)
-INSTEAD(int, zmq_send, (void *s, const void *p, size_t n, int flags), (s, p, n, flags),
-        EAGAIN, -1)
-INSTEAD(int, zmq_msg_send, (void *m, void *s, int flags), (m, s, flags), EAGAIN, -1)
+/* What the C library takes for them is theirs: without it they end the process. */
+#define BUS(type, name, arguments, passed, number, failure)                              \
+    type __real_##name arguments __attribute__((weak));                                  \
+    type __wrap_##name arguments;                                                        \
+    type __wrap_##name arguments                                                         \
+    {                                                                                    \
+        if (fails(#name, number))                                                        \
+            return failure;                                                              \
+        lasting = true;                                                                  \
+        type result = __real_##name passed;                                              \
+        lasting = false;                                                                 \
+        return result;                                                                   \
+    }
+
+BUS(int, nn_socket, (int domain, int protocol), (domain, protocol), EMFILE, -1)
+BUS(int, nn_bind, (int s, const char *to), (s, to), EADDRINUSE, -1)
+BUS(int, nn_connect, (int s, const char *to), (s, to), EMFILE, -1)
+BUS(int, nn_setsockopt, (int s, int level, int what, const void *p, size_t n),
+    (s, level, what, p, n), EINVAL, -1)
+BUS(int, nn_getsockopt, (int s, int level, int what, void *p, size_t *n),
+    (s, level, what, p, n), EINVAL, -1)
+BUS(void *, nn_allocmsg, (size_t n, int type), (n, type), ENOMEM, NULL)
+BUS(int, nn_send, (int s, const void *p, size_t n, int flags), (s, p, n, flags), EAGAIN,
+    -1)
+BUS(void *, zmq_ctx_new, (void), (), EMFILE, NULL)
+BUS(void *, zmq_socket, (void *context, int type), (context, type), EMFILE, NULL)
+BUS(int, zmq_bind, (void *s, const char *to), (s, to), EADDRINUSE, -1)
+BUS(int, zmq_connect, (void *s, const char *to), (s, to), EMFILE, -1)
+BUS(int, zmq_setsockopt, (void *s, int what, const void *p, size_t n), (s, what, p, n),
+    EINVAL, -1)
+BUS(int, zmq_getsockopt, (void *s, int what, void *p, size_t *n), (s, what, p, n), EINVAL,
+    -1)
+BUS(int, zmq_socket_monitor, (void *s, const char *at, int events), (s, at, events),
+    EMFILE, -1)
+BUS(int, zmq_send, (void *s, const void *p, size_t n, int flags), (s, p, n, flags),
+    EAGAIN, -1)
+BUS(int, zmq_msg_send, (void *m, void *s, int flags), (m, s, flags), EAGAIN, -1)
 
 /* -- FFTW, where it is linked: plans are memory too
  * --------------------------------------
@@ -453,7 +468,7 @@ static void find_libraries(void)
 /* NULL: not called by any of them. */
 static const struct library *library_of(const void *caller)
 {
-    for (size_t i = 0; counting && !lasting && i < n_libraries; i++)
+    for (size_t i = 0; counting && working && !lasting && i < n_libraries; i++)
         if ((uintptr_t)caller - libraries[i].from < libraries[i].to - libraries[i].from)
             return &libraries[i];
     return NULL;
@@ -531,6 +546,7 @@ static size_t count_descriptors(void)
 static void begin(size_t this_turn)
 {
     find_libraries();
+    working = true;
     pthread_mutex_lock(&mutex);
     turn = this_turn;
     calls = n_live = 0;

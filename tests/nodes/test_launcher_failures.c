@@ -7,10 +7,14 @@
 #include <fcntl.h>
 #include <unistd.h>
 
+#include "msgs/bus.h"
+#include "msgs/keys.h"
+#include "nodes/launcher/host_peers.h"
 #include "nodes/launcher/launcher.h"
 #include "nodes/launcher/site.h"
 #include "nodes/launcher/truth.h"
 #include "nodes/rt/exit_code.h"
+#include "nodes/rt/launchfile_hosts.h"
 #include "tests/failing.h"
 
 struct rig {
@@ -120,6 +124,83 @@ static void a_run_folder_that_cannot_be_had_is_refused_with_a_reason(void **stat
     assert_true(failing_each(&work) > 2);
 }
 
+/* -- of a system on several hosts
+ * ---------------------------------------------------------------------------------
+ */
+
+static int peer_on(struct bus *bus, const struct launchfile *l)
+{
+    static struct host_peering peering;
+    int err = host_peering_open(&peering, bus, &l->hosts, 1, 2);
+
+    if (!err)
+        host_peering_tell(&peering, clock_now_ns(clock_system()));
+    return err;
+}
+
+static int peering_work(void *context, struct error *why)
+{
+    const struct rig *r = context;
+    char run_dir[RUNDIR_SIZE];
+    struct bus *bus;
+    int err = site_open(r->launch, &r->arguments, run_dir, why);
+
+    if (err)
+        return err;
+    const struct bus_config cfg = {
+        .node = "launcher", .run_dir = run_dir, .epoch_ns = 1, .world = BUS_LIVE};
+    err = bus_create(&bus, &cfg, why);
+    if (!err) {
+        err = peer_on(bus, r->launch);
+        if (err)
+            error_say(why, err, "the other hosts: %s", strerror(-err));
+        bus_destroy(bus);
+    }
+    site_close(r->launch, run_dir);
+    return err;
+}
+
+/* Encrypted, over this machine's own addresses. */
+static void load_hosts(struct rig *r)
+{
+    static const char *const names[] = {"vehicle", "computer"};
+    unsigned port = 10000 + (unsigned)getpid() * 7 % 250 * hosts_n_ports();
+    char text[600], peers[300] = "";
+    struct error why = {""};
+
+    for (size_t i = 0; i < 2; i++) {
+        char public[KEYS_TEXT_SIZE], folder[128];
+        snprintf(folder, sizeof folder, "%s/%s", r->scratch->folder, names[i]);
+        if (keys_create(folder, names[i], public, &why))
+            fail_msg("%s", why.text);
+        size_t n = strlen(peers);
+        snprintf(peers + n, sizeof peers - n, "%s %s\n", names[i], public);
+    }
+    scratch_write(r->scratch, "vehicle/peers", peers);
+    snprintf(text, sizeof text,
+             "nodes: [scan, report]\nhosts:\n"
+             "  - {name: vehicle, endpoint: 'tcp://127.0.0.1:%u', keys: vehicle, nodes: "
+             "[scan]}\n"
+             "  - {name: computer, endpoint: 'tcp://127.0.0.2:%u', nodes: [report]}\n"
+             "array: {uri: 'wav:/rec'}\n",
+             port, port);
+    launchfile_destroy(r->launch);
+    r->launch = NULL;
+    if (launchfile_load(&r->launch, scratch_write(r->scratch, "hosts.yaml", text), NULL,
+                        &why) ||
+        launchfile_choose_host(r->launch, "vehicle", &why))
+        fail_msg("%s", why.text);
+}
+
+static void hosts_that_cannot_be_joined_are_told(void **state)
+{
+    const struct failing_work work = {
+        .name = "peering", .run = peering_work, .context = *state};
+
+    load_hosts(*state);
+    assert_true(failing_each(&work) > 50);
+}
+
 /* -- what stands at the end of a launch
  * ---------------------------------------------------------------------------------------
  */
@@ -188,6 +269,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         TEST(a_launch_that_fails_says_why),
         TEST(a_run_folder_that_cannot_be_had_is_refused_with_a_reason),
+        TEST(hosts_that_cannot_be_joined_are_told),
         TEST(a_table_that_is_not_whole_is_told),
     };
     return cmocka_run_group_tests(tests, scratch_in_memory, NULL);
