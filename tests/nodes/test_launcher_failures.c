@@ -9,6 +9,7 @@
 
 #include "msgs/bus.h"
 #include "msgs/keys.h"
+#include "nodes/launcher/devices.h"
 #include "nodes/launcher/host_peers.h"
 #include "nodes/launcher/launcher.h"
 #include "nodes/launcher/site.h"
@@ -122,6 +123,33 @@ static void a_run_folder_that_cannot_be_had_is_refused_with_a_reason(void **stat
         .name = "a run folder", .run = site_work, .context = *state};
 
     assert_true(failing_each(&work) > 2);
+}
+
+static int devices_work(void *context, struct error *why)
+{
+    const struct rig *r = context;
+
+    return devices_check(r->launch, why);
+}
+
+static void a_device_that_cannot_be_looked_at_is_told(void **state)
+{
+    struct rig *r = *state;
+    struct error why = {""};
+    const struct failing_work work = {
+        .name = "devices", .run = devices_work, .context = r};
+
+    launchfile_destroy(r->launch);
+    r->launch = NULL;
+    const char *path = scratch_write(r->scratch, "devices.yaml",
+                                     "nodes: [array, stage, scan, can, report]\n"
+                                     "array: {uri: 'sim:" SOURCE_DIR
+                                     "/tests/nodes/point.yaml'}\n"
+                                     "stage: {uri: 'sim:'}\n"
+                                     "can: {uri: 'log:can.candump'}\n");
+    if (launchfile_load(&r->launch, path, NULL, &why))
+        fail_msg("%s", why.text);
+    assert_true(failing_each(&work) > 50);
 }
 
 /* -- of a system on several hosts
@@ -269,6 +297,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         TEST(a_launch_that_fails_says_why),
         TEST(a_run_folder_that_cannot_be_had_is_refused_with_a_reason),
+        TEST(a_device_that_cannot_be_looked_at_is_told),
         TEST(hosts_that_cannot_be_joined_are_told),
         TEST(a_table_that_is_not_whole_is_told),
     };
