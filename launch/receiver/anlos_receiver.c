@@ -14,7 +14,8 @@ enum kind {
     KIND_OBJECT_STATE = 4,
     KIND_OBJECT_DYNAMICS = 5,
     KIND_OBJECT_QUALITY = 6,
-    KIND_OBJECT_FD = 7
+    KIND_OBJECT_FD = 7,
+    KIND_OBJECT_MOTION = 8 /* optional: no list waits for it */
 };
 
 enum check { CHECK_NONE = 0, CHECK_OK = 1, CHECK_ERROR = 2, CHECK_OTHER = 3 };
@@ -439,6 +440,18 @@ static struct anlos_value correlation_of(struct anlos_value covariance,
     return v;
 }
 
+static void object_motion(struct anlos_object *o, const uint8_t *d)
+{
+    const float radians = 0.017453292f;
+
+    o->course_rad = value_of(signal_signed(d, 28u, 9u), -180, 180, radians, 0.0f);
+    o->sigma_course_rad =
+        value_clamped((int32_t)signal_raw(d, 37u, 6u), 0, 62, radians, 0.0f);
+    o->sigma_vx_m_s = value_clamped((int32_t)signal_raw(d, 43u, 7u), 0, 126, 0.05f, 0.0f);
+    o->sigma_vy_m_s = value_clamped((int32_t)signal_raw(d, 50u, 7u), 0, 126, 0.05f, 0.0f);
+    o->correlation_v = value_of(signal_signed(d, 57u, 6u), -25, 25, 0.04f, 0.0f);
+}
+
 static struct anlos_value value_12(const uint8_t *d, uint32_t start)
 {
     return value_clamped((int32_t)signal_raw(d, start, 12u), 0, 4094, 0.01f, 0.0f);
@@ -478,6 +491,17 @@ static void object_fd(struct anlos_object *o, const uint8_t *d)
 }
 
 /* ---- Lists ------------------------------------------------------------------------ */
+
+/* The place of an object in the list; n_objects: it is a new one. */
+static uint32_t object_find(const struct anlos_receiver *r, uint8_t id)
+{
+    uint32_t i = 0;
+
+    while ((i < r->next.n_objects) && (r->next.objects[i].id != id)) {
+        i++;
+    }
+    return i;
+}
 
 static uint32_t list_drop(struct anlos_receiver *r, uint32_t *counted)
 {
@@ -520,6 +544,19 @@ static int list_proven(const struct anlos_receiver *r)
     return proven;
 }
 
+/* What came of them, of any order; one that did not come leaves its object without. */
+static void list_add_motions(struct anlos_receiver *r)
+{
+    for (uint32_t i = 0; channel_valid(r, KIND_OBJECT_MOTION) && (i < r->n_motions);
+         i++) {
+        const uint8_t *d = r->motions[i];
+        uint32_t k = object_find(r, (uint8_t)signal_raw(d, 16u, 8u));
+        if (k < r->next.n_objects) {
+            object_motion(&r->next.objects[k], d);
+        }
+    }
+}
+
 static int list_whole(const struct anlos_receiver *r)
 {
     int whole = r->timed != 0u;
@@ -540,6 +577,7 @@ static uint32_t list_finish(struct anlos_receiver *r)
         } else if (!list_is_news(r)) {
             events = list_drop(r, &r->counts.lists_repeated);
         } else {
+            list_add_motions(r);
             r->list = r->next;
             r->listed = 1u;
             r->assembling = 0u;
@@ -577,6 +615,7 @@ static uint32_t take_header(struct anlos_receiver *r, const uint8_t *d, uint32_t
     r->headers += delta;
     (void)memset(l, 0, sizeof *l);
     (void)memset(r->parts, 0, sizeof r->parts);
+    r->n_motions = 0u;
     l->counter = (uint16_t)signal_raw(d, 24u, 12u);
     count_lost(r, l->counter);
     l->synchronised = (signal_raw(d, 22u, 2u) == 1u) ? 1u : 0u;
@@ -614,17 +653,6 @@ static uint32_t take_time(struct anlos_receiver *r, const uint8_t *d, uint32_t d
         events = list_finish(r);
     }
     return events;
-}
-
-/* The place of an object in the list; n_objects: it is a new one. */
-static uint32_t object_find(const struct anlos_receiver *r, uint8_t id)
-{
-    uint32_t i = 0;
-
-    while ((i < r->next.n_objects) && (r->next.objects[i].id != id)) {
-        i++;
-    }
-    return i;
 }
 
 static void object_take(struct anlos_object *o, uint8_t part, const uint8_t *d)
@@ -671,6 +699,18 @@ static uint32_t take_object(struct anlos_receiver *r, uint8_t part, const uint8_
     return events;
 }
 
+/* Whatever it says, it spoils no list. */
+static void take_motion(struct anlos_receiver *r, const uint8_t *d)
+{
+    if ((r->assembling == 0u) || (r->n_motions >= r->number) ||
+        (signal_raw(d, 24u, 4u) != ((uint32_t)r->next.counter & 0xFu))) {
+        r->counts.frames_orphaned++;
+    } else {
+        (void)memcpy(r->motions[r->n_motions], d, sizeof r->motions[0]);
+        r->n_motions++;
+    }
+}
+
 /* ---- The receiver ----------------------------------------------------------------- */
 
 void anlos_config_default(struct anlos_config *cfg)
@@ -710,10 +750,10 @@ int anlos_receiver_init(struct anlos_receiver *r, const struct anlos_config *cfg
 static int kind_of(uint32_t offset, enum kind *kind)
 {
     static const enum kind kinds[9] = {
-        KIND_STATUS,         KIND_DIAGNOSIS,    KIND_HEADER,
-        KIND_TIME,           KIND_OBJECT_STATE, KIND_OBJECT_DYNAMICS,
-        KIND_OBJECT_QUALITY, KIND_STATUS,       KIND_OBJECT_FD};
-    int ours = (offset < 9u) && (offset != 7u);
+        KIND_STATUS,         KIND_DIAGNOSIS,     KIND_HEADER,
+        KIND_TIME,           KIND_OBJECT_STATE,  KIND_OBJECT_DYNAMICS,
+        KIND_OBJECT_QUALITY, KIND_OBJECT_MOTION, KIND_OBJECT_FD};
+    int ours = offset < 9u;
 
     *kind = ours ? kinds[offset] : KIND_STATUS;
     return ours;
@@ -760,6 +800,9 @@ static uint32_t frame_use(struct anlos_receiver *r, enum kind kind, const uint8_
         break;
     case KIND_OBJECT_QUALITY:
         events = take_object(r, PART_QUALITY, data);
+        break;
+    case KIND_OBJECT_MOTION:
+        take_motion(r, data);
         break;
     default:
         events = take_object(r, PART_FD, data);
@@ -840,7 +883,7 @@ uint32_t anlos_receiver_tick(struct anlos_receiver *r, uint32_t now_ms)
         if (r->assembling != 0u) {
             events |= list_drop(r, &r->counts.lists_torn);
         }
-        channels_restart(r, KIND_HEADER, KIND_OBJECT_FD);
+        channels_restart(r, KIND_HEADER, KIND_OBJECT_MOTION);
         r->listed = 0u;
         r->header_seen = 0u;
         events |= timed_out(r);
@@ -848,7 +891,8 @@ uint32_t anlos_receiver_tick(struct anlos_receiver *r, uint32_t now_ms)
     return events;
 }
 
-/* INVALID when any kind of frames of lists is; else that of the header and Time. */
+/* INVALID when any kind of frames of lists is, but ObjectMotion, which none needs; else
+ * that of the header and Time. */
 static enum anlos_link list_link(const struct anlos_receiver *r)
 {
     enum anlos_link link = channel_link(&r->channels[KIND_HEADER]);

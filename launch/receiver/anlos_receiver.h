@@ -6,7 +6,7 @@
  * msgs/can/anlos.dbc is the layout.
  *
  * One C99 file without dependencies: no allocation, no input or output, no clock, no
- * recursion, no mutable globals.  State is one struct of the caller's, about 10 kB; calls
+ * recursion, no mutable globals.  State is one struct of the caller's, about 14 kB; calls
  * for one struct must not overlap, those for several sensors (a struct each) may.  A
  * frame costs at most some microseconds on a small controller, and a whole list one copy
  * of it.
@@ -126,6 +126,10 @@ struct anlos_object {
     struct anlos_value sigma_x_m, sigma_y_m, correlation_xy; /* of the place, 1 sigma */
     struct anlos_value sigma_v_m_s;                          /* of the worse axis */
     struct anlos_value length_m, width_m; /* full sizes along X and Y */
+    /* Only where ObjectMotion comes: */
+    struct anlos_value course_rad; /* of the velocity, from X to the left, -pi..pi */
+    struct anlos_value sigma_course_rad;
+    struct anlos_value sigma_vx_m_s, sigma_vy_m_s, correlation_v;
     /* Only of CAN FD: */
     struct anlos_value height_m; /* full size along Z */
     struct anlos_value sigma_z_m, correlation_xz, correlation_yz;
@@ -222,7 +226,7 @@ struct anlos_config {
              a shutdown */
 
 /* The rest is the receiver's own. */
-#define ANLOS_KINDS  8u
+#define ANLOS_KINDS  9u
 #define ANLOS_WINDOW 6u
 
 struct anlos_channel { /* a kind of frames */
@@ -242,7 +246,8 @@ struct anlos_receiver {
     struct anlos_channel channels[ANLOS_KINDS];
     struct anlos_watch status_watch, list_watch, diagnosis_watch;
     struct anlos_list next, list;
-    uint8_t parts[ANLOS_OBJECTS]; /* of next.objects */
+    uint8_t parts[ANLOS_OBJECTS];                 /* of next.objects */
+    uint8_t motions[ANLOS_OBJECTS][8], n_motions; /* ObjectMotion frames of next */
     uint8_t number, assembling, timed, listed;
     uint16_t header_counter; /* of the newest header, once header_seen */
     uint8_t header_seen;

@@ -38,8 +38,8 @@ MEASUREMENTS = ("New", "Measured", "Predicted", "Deleted")
 CLASSES = ("Unknown", "Point", "Plate", "Extended", "Multipath")
 MOTIONS = ("Unknown", "Standing", "Moving")
 
-STATUS, DIAGNOSIS, HEADER, TIME, OBJECT_STATE, DYNAMICS, QUALITY, FD = 0, 1, 2, 3, 4, 5, 6, 8
-LIST_KINDS = (HEADER, TIME, OBJECT_STATE, DYNAMICS, QUALITY, FD)
+STATUS, DIAGNOSIS, HEADER, TIME, OBJECT_STATE, DYNAMICS, QUALITY, MOTION, FD = range(9)
+LIST_KINDS = (HEADER, TIME, OBJECT_STATE, DYNAMICS, QUALITY, FD)  # MOTION is optional
 INTERFACE_VERSION = 2
 MAX_OBJECTS = 32
 MAX_DELTA = 3  # AUTOSAR's MaxDeltaCounter: two frames in a row may get lost
@@ -154,6 +154,8 @@ def floats(data, start, low, high):
     return value if low <= value <= high else None  # neither holds for NaN
 
 
+DEGREE = math.pi / 180
+
 # The signals of objects: name, start, length (below 0: two's complement), lowest and highest
 # raw value, step; at the ends where clamped is set it may be that or more.
 OBJECT_SIGNALS = {
@@ -169,6 +171,11 @@ OBJECT_SIGNALS = {
               ("sigma_v_m_s", 48, 5, 0, 30, 0.1, True),
               ("length_m", 53, 6, 0, 62, 0.1, True),
               ("width_m", 59, 5, 0, 30, 0.1, True)),
+    MOTION: (("course_rad", 28, -9, -180, 180, DEGREE, False),
+             ("sigma_course_rad", 37, 6, 0, 62, DEGREE, True),
+             ("sigma_vx_m_s", 43, 7, 0, 126, 0.05, True),
+             ("sigma_vy_m_s", 50, 7, 0, 126, 0.05, True),
+             ("correlation_v", 57, -6, -25, 25, 0.04, False)),
     FD: (("shape_probability", 55, 7, 0, 100, 0.01, False),
          ("existence", 62, 14, 0, 10000, 0.0001, False),
          ("sigma_v_m_s", 76, 12, 0, 4094, 0.01, True),
@@ -179,8 +186,10 @@ OBJECT_SIGNALS = {
          ("age_s", 136, 16, 0, 65534, 0.1, True)),
 }
 VALUES = ("x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "existence", "sigma_x_m", "sigma_y_m",
-          "correlation_xy", "sigma_v_m_s", "length_m", "width_m", "height_m", "sigma_z_m",
-          "correlation_xz", "correlation_yz", "shape_probability", "unseen_s", "age_s")
+          "correlation_xy", "sigma_v_m_s", "length_m", "width_m", "course_rad",
+          "sigma_course_rad", "sigma_vx_m_s", "sigma_vy_m_s", "correlation_v", "height_m",
+          "sigma_z_m", "correlation_xz", "correlation_yz", "shape_probability", "unseen_s",
+          "age_s")
 
 
 def choose(names, value):
@@ -235,7 +244,7 @@ class Receiver:
         self.first_id, self.sources = first_id, tuple(sources)
         self.status_ms, self.list_ms, self.diagnosis_ms = status_ms, list_ms, diagnosis_ms
         self.assembly_ms, self.age_ms = assembly_ms, age_ms
-        self.channels = {k: Channel(k == FD) for k in (STATUS, DIAGNOSIS) + LIST_KINDS}
+        self.channels = {k: Channel(k == FD) for k in range(9)}
         self.counts = dict.fromkeys((
             "frames_good", "frames_lost", "frames_damaged", "frames_repeated",
             "frames_out_of_sequence", "frames_orphaned", "timeouts", "lists_whole",
@@ -271,7 +280,7 @@ class Receiver:
             if not self._is_stopped():  # the silence of what was stopped is none to be told
                 self.counts["timeouts"] += 1
                 events.add(TIMEOUT)
-            for k in LIST_KINDS if kind == HEADER else (kind,):
+            for k in LIST_KINDS + (MOTION,) if kind == HEADER else (kind,):
                 self.channels[k].restart()
             if kind == STATUS:
                 self.status = self._last_word()
@@ -310,6 +319,9 @@ class Receiver:
             return self._take_header(data, delta, now_ms)
         if kind == TIME:
             return self._take_time(data, delta)
+        if kind == MOTION:
+            self._take_motion(data)
+            return set()
         return self._take_object(kind, data)
 
     def _take_status(self, data):
@@ -349,7 +361,7 @@ class Receiver:
             "synchronised": raw(data, 22, 2) == 1, "truncated": raw(data, 60, 1) == 1,
             "latency_s": number(raw(data, 36, 12), 0, 4094, 0.001),
             "cycle_s": number(raw(data, 48, 12), 0, 4094, 0.01),
-            "capture": None, "objects": {}, "parts": {}}
+            "capture": None, "objects": {}, "parts": {}, "motions": []}
         return events
 
     def _take_time(self, data, delta):
@@ -384,6 +396,15 @@ class Receiver:
         object_take(o, kind, data)
         return self._finish()
 
+    def _take_motion(self, data):
+        """Whatever it says, it spoils no list."""
+        new = self.next
+        if (not new or len(new["motions"]) >= new["number"]
+                or raw(data, 24, 4) != new["counter"] & 0xF):
+            self.counts["frames_orphaned"] += 1
+        else:
+            new["motions"].append(data)
+
     def _finish(self):
         new = self.next
         whole = ({FD}, {OBJECT_STATE, DYNAMICS, QUALITY})
@@ -397,6 +418,10 @@ class Receiver:
             delta = (new["counter"] - self.list["counter"]) % 4096
             if delta == 0 or delta >= 2048 and new["capture"] <= self.list["capture"]:
                 return self._drop("lists_repeated")
+        if self.channels[MOTION].state == "VALID":
+            for object_id, data in {raw(d, 16, 8): d for d in new["motions"]}.items():
+                if object_id in new["objects"]:
+                    object_take(new["objects"][object_id], MOTION, data)
         self.list, self.next = new, None
         self.good_ms[HEADER] = new["header_ms"]
         self.counts["lists_whole"] += 1

@@ -83,6 +83,12 @@ void can_pack_object_quality(struct can_frame_data *out, uint32_t base,
     pack(out, base, CAN_ID_OBJECT_QUALITY, o);
 }
 
+void can_pack_object_motion(struct can_frame_data *out, uint32_t base,
+                            const struct can_object *o)
+{
+    pack(out, base, CAN_ID_OBJECT_MOTION, o);
+}
+
 void can_pack_object_fd(struct can_frame_data *out, uint32_t base,
                         const struct can_object *o)
 {
@@ -91,13 +97,13 @@ void can_pack_object_fd(struct can_frame_data *out, uint32_t base,
 
 bool can_object_fits(const struct can_object *o, bool fd, size_t offset)
 {
-    static const enum can_id classic[] = {CAN_ID_OBJECT_STATE, CAN_ID_OBJECT_DYNAMICS,
-                                          CAN_ID_OBJECT_QUALITY},
-                             flexible[] = {CAN_ID_OBJECT_FD};
+    static const enum can_id classic[] = {CAN_ID_OBJECT_MOTION, CAN_ID_OBJECT_STATE,
+                                          CAN_ID_OBJECT_DYNAMICS, CAN_ID_OBJECT_QUALITY},
+                             flexible[] = {CAN_ID_OBJECT_MOTION, CAN_ID_OBJECT_FD};
     const enum can_id *ids = fd ? flexible : classic;
     bool fits = true;
 
-    for (size_t i = 0; i < (fd ? 1 : 3); i++) {
+    for (size_t i = 0; i < (fd ? 2 : 4); i++) {
         const struct can_message *m = can_message_find(0, ids[i]);
         for (size_t k = 0; k < m->n_signals; k++)
             if (m->signals[k].member.type == CAN_MEMBER_DOUBLE &&
@@ -169,6 +175,11 @@ int can_unpack_object_dynamics(const struct can_frame_data *f, struct can_object
 int can_unpack_object_quality(const struct can_frame_data *f, struct can_object *out)
 {
     return unpack(f, CAN_ID_OBJECT_QUALITY, out);
+}
+
+int can_unpack_object_motion(const struct can_frame_data *f, struct can_object *out)
+{
+    return unpack(f, CAN_ID_OBJECT_MOTION, out);
 }
 
 int can_unpack_object_fd(const struct can_frame_data *f, struct can_object *out)

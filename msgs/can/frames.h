@@ -2,7 +2,7 @@
 /* msgs/can/frames.h -- the vehicle's view of hidden objects as CAN frames, and what it
  * tells the sensor.  The layout is that of anlos.dbc beside this file.  A list is one
  * header frame, one time frame, and for each object either a state, a dynamics and a
- * quality frame, or one FD frame.
+ * quality frame, or one FD frame; before these, where that is wanted, a motion frame.
  *
  * Packing leaves the bytes of the end-to-end protection 0: msgs/can/protection.h fills
  * and checks them, when a frame is sent or has come. */
@@ -119,6 +119,12 @@ struct can_object {
     enum can_motion motion;
     double sigma_v_m_s; /* the larger one of both axes */
 
+    /* Motion frame only. */
+    double course_rad; /* of the velocity, from x to the left; -pi..pi */
+    double sigma_course_rad;
+    double sigma_velocity_m_s[2]; /* of x, y */
+    double velocity_correlation;  /* of x and y */
+
     /* FD only. */
     double covariance_m2[6]; /* xx xy xz yy yz zz of position_m */
     double height_m;
@@ -174,6 +180,8 @@ void can_pack_object_dynamics(struct can_frame_data *out, uint32_t base,
                               const struct can_object *o);
 void can_pack_object_quality(struct can_frame_data *out, uint32_t base,
                              const struct can_object *o);
+void can_pack_object_motion(struct can_frame_data *out, uint32_t base,
+                            const struct can_object *o);
 void can_pack_object_fd(struct can_frame_data *out, uint32_t base,
                         const struct can_object *o);
 /* Would the double of o at the offset go as it is into the frames of an object, fd: into
@@ -198,6 +206,7 @@ int can_unpack_time(const struct can_frame_data *f, int64_t *stamp_ns);
 int can_unpack_object_state(const struct can_frame_data *f, struct can_object *out);
 int can_unpack_object_dynamics(const struct can_frame_data *f, struct can_object *out);
 int can_unpack_object_quality(const struct can_frame_data *f, struct can_object *out);
+int can_unpack_object_motion(const struct can_frame_data *f, struct can_object *out);
 int can_unpack_object_fd(const struct can_frame_data *f, struct can_object *out);
 int can_unpack_ego_motion(const struct can_frame_data *f, struct can_ego_motion *out);
 int can_unpack_ambient(const struct can_frame_data *f, struct can_ambient *out);

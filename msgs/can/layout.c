@@ -338,6 +338,16 @@ static const struct can_signal object_quality[] = {
     {"Width",       "m",   59, 5, NUMBER, 0.1,  0, 0,   30,  31,  IN(can_object, width_m), NULL},
 };
 
+static const struct can_signal object_motion[] = {
+    E2E_P11,
+    OBJECT,
+    {"Course",       "deg", 28, 9, NUMBER, 1,    0, -180, 180, -256, SCALED(can_object, course_rad, DEGREES), NULL},
+    {"SigmaCourse",  "deg", 37, 6, SIGMA,  1,    0, 0,    62,  63,   SCALED(can_object, sigma_course_rad, DEGREES), NULL},
+    {"SigmaVx",      "m/s", 43, 7, SIGMA,  0.05, 0, 0,    126, 127,  IN(can_object, sigma_velocity_m_s[0]), NULL},
+    {"SigmaVy",      "m/s", 50, 7, SIGMA,  0.05, 0, 0,    126, 127,  IN(can_object, sigma_velocity_m_s[1]), NULL},
+    {"CorrelationV", "",    57, 6, NUMBER, 0.04, 0, -25,  25,  -32,  IN(can_object, velocity_correlation), NULL},
+};
+
 static const struct can_signal object_fd[] = {
     E2E_P05,
     {"Id",               "",    24,  8,  COUNTER, 1,    0, 0, 255,   NEVER, IN(can_object, id), NULL},
@@ -411,6 +421,7 @@ static const struct can_message messages[] = {
     {"ObjectState",    CAN_ID_OBJECT_STATE,    8,  false, false, 0,    CAN_PROFILE_11_NIBBLE, SIGNALS(object_state)},
     {"ObjectDynamics", CAN_ID_OBJECT_DYNAMICS, 8,  false, false, 0,    CAN_PROFILE_11_NIBBLE, SIGNALS(object_dynamics)},
     {"ObjectQuality",  CAN_ID_OBJECT_QUALITY,  8,  false, false, 0,    CAN_PROFILE_11_NIBBLE, SIGNALS(object_quality)},
+    {"ObjectMotion",   CAN_ID_OBJECT_MOTION,   8,  false, false, 0,    CAN_PROFILE_11_NIBBLE, SIGNALS(object_motion)},
     {"ObjectFD",       CAN_ID_OBJECT_FD,       64, true,  false, 0,    CAN_PROFILE_05,        SIGNALS(object_fd)},
     {"EgoMotion",      CAN_ID_EGO_MOTION,      8,  false, true,  20,   CAN_PROFILE_11_NIBBLE, SIGNALS(ego_motion)},
     {"Ambient",        CAN_ID_AMBIENT,         8,  false, true,  1000, CAN_PROFILE_11_NIBBLE, SIGNALS(ambient)},

@@ -83,6 +83,7 @@ enum can_id { /* added to where the sensor's begin */
               CAN_ID_OBJECT_STATE = 0x04,
               CAN_ID_OBJECT_DYNAMICS = 0x05,
               CAN_ID_OBJECT_QUALITY = 0x06,
+              CAN_ID_OBJECT_MOTION = 0x07,
               CAN_ID_OBJECT_FD = 0x08,
               CAN_ID_EGO_MOTION = 0x0C,
               CAN_ID_AMBIENT = 0x0D,

@@ -37,13 +37,16 @@ static double message_s(const struct can_bus_rate *rate, enum can_id id)
     return can_frame_s(rate, m->size, m->fd);
 }
 
-double can_list_s(const struct can_bus_rate *rate, size_t n_objects, bool fd_objects)
+double can_list_s(const struct can_bus_rate *rate, size_t n_objects, bool fd_objects,
+                  bool motion)
 {
     double object_s = fd_objects ? message_s(rate, CAN_ID_OBJECT_FD)
                                  : message_s(rate, CAN_ID_OBJECT_STATE) +
                                        message_s(rate, CAN_ID_OBJECT_DYNAMICS) +
                                        message_s(rate, CAN_ID_OBJECT_QUALITY);
 
+    if (motion)
+        object_s += message_s(rate, CAN_ID_OBJECT_MOTION);
     return message_s(rate, CAN_ID_LIST_HEADER) + message_s(rate, CAN_ID_TIME) +
            (double)n_objects * object_s;
 }

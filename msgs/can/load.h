@@ -19,8 +19,10 @@ struct can_bus_rate {
 /* With the pause of three bits after it.  size: bytes of data. */
 double can_frame_s(const struct can_bus_rate *rate, size_t size, bool fd);
 
-/* Seconds of the bus for a list of n objects, header and time included. */
-double can_list_s(const struct can_bus_rate *rate, size_t n_objects, bool fd_objects);
+/* Seconds of the bus for a list of n objects, header and time included; motion: with the
+ * motion frame of each. */
+double can_list_s(const struct can_bus_rate *rate, size_t n_objects, bool fd_objects,
+                  bool motion);
 
 /* Seconds of the bus in one second, wherever that begins, for all that is sent in cycles
  * at most: status, diagnosis, what the vehicle says, the changes of the status, and the

@@ -143,8 +143,8 @@ size_t bus_budget_objects(struct bus_budget *a, const struct bus_budget_config *
                           int64_t now_ns)
 {
     double lists_s = cfg->load - can_cycles_s(&cfg->rate);
-    double empty_s = can_list_s(&cfg->rate, 0, cfg->fd);
-    double object_s = can_list_s(&cfg->rate, 1, cfg->fd) - empty_s;
+    double empty_s = can_list_s(&cfg->rate, 0, cfg->fd, cfg->motion);
+    double object_s = can_list_s(&cfg->rate, 1, cfg->fd, cfg->motion) - empty_s;
 
     if (a->n && now_ns < a->lists[(a->n - 1) % BUS_BUDGET_LISTS].begun_ns)
         a->n = 0;
@@ -156,7 +156,8 @@ void bus_budget_begin(struct bus_budget *a, const struct bus_budget_config *cfg,
                       int64_t now_ns, size_t n_objects)
 {
     a->lists[a->n % BUS_BUDGET_LISTS].begun_ns = now_ns;
-    a->lists[a->n % BUS_BUDGET_LISTS].bus_s = can_list_s(&cfg->rate, n_objects, cfg->fd);
+    a->lists[a->n % BUS_BUDGET_LISTS].bus_s =
+        can_list_s(&cfg->rate, n_objects, cfg->fd, cfg->motion);
     a->n++;
 }
 
@@ -247,13 +248,45 @@ static void fill_place(struct can_object *o, const Anlos__Detection *d)
         o->width_m = d->extent_m->y;
         o->height_m = d->extent_m->z;
     }
+}
+
+#define COURSE_SIGMAS 2.0 /* here one of 44 goes the other way */
+
+/* covariance: xx xy yy.  The error of a direction is that of the velocity across it, seen
+ * from where the velocity begins; at this limit the error along it counts, too.  One
+ * standard deviation then holds the 68 % that it should, or up to 74. */
+static void fill_course(struct can_object *o, const double covariance[3])
+{
+    const double *v = o->velocity_m_s, *c = covariance;
+    double speed = hypot(v[0], v[1]);
+    double worst = 0.5 * (c[0] + c[2]) + hypot(0.5 * (c[0] - c[2]), c[1]);
+    double across = (c[0] * v[1] * v[1] - 2.0 * c[1] * v[0] * v[1] + c[2] * v[0] * v[0]) /
+                    (speed * speed);
+    double along = c[0] + c[2] - across;
+
+    if (o->motion != CAN_MOVING ||
+        !(speed > 0.0 && across >= 0.0 && speed >= COURSE_SIGMAS * sqrt(worst)))
+        return;
+    o->course_rad = atan2(v[1], v[0]);
+    o->sigma_course_rad = sqrt(across / (speed * speed - along));
+}
+
+static void fill_velocity(struct can_object *o, const Anlos__Detection *d)
+{
+    const double *c = d->velocity_covariance_m2_s2; /* xx xy yy */
+
     if (d->n_velocity_m_s == 2) {
         o->velocity_m_s[0] = d->velocity_m_s[0];
         o->velocity_m_s[1] = d->velocity_m_s[1];
     }
-    if (d->n_velocity_covariance_m2_s2 == 3)
-        o->sigma_v_m_s = larger(sigma_of(d->velocity_covariance_m2_s2[0]),
-                                sigma_of(d->velocity_covariance_m2_s2[2]));
+    if (d->n_velocity_covariance_m2_s2 != 3)
+        return;
+    o->sigma_velocity_m_s[0] = sigma_of(c[0]);
+    o->sigma_velocity_m_s[1] = sigma_of(c[2]);
+    o->sigma_v_m_s = larger(o->sigma_velocity_m_s[0], o->sigma_velocity_m_s[1]);
+    double product = o->sigma_velocity_m_s[0] * o->sigma_velocity_m_s[1];
+    o->velocity_correlation = product > 0.0 ? c[1] / product : product;
+    fill_course(o, c);
 }
 
 /* What comes next of an id that was there before is not new; without tracks lists do not
@@ -298,6 +331,10 @@ static const struct can_object unknown = {
     .length_m = NAN,
     .width_m = NAN,
     .sigma_v_m_s = NAN,
+    .course_rad = NAN,
+    .sigma_course_rad = NAN,
+    .sigma_velocity_m_s = {NAN, NAN},
+    .velocity_correlation = NAN,
     .covariance_m2 = {NAN, NAN, NAN, NAN, NAN, NAN},
     .height_m = NAN,
     .class_probability = NAN,
@@ -305,10 +342,19 @@ static const struct can_object unknown = {
     .unseen_s = NAN,
 };
 
+/* What its frame carries. */
+static void forget_motion(struct can_object *o)
+{
+    memcpy(o->sigma_velocity_m_s, unknown.sigma_velocity_m_s,
+           sizeof o->sigma_velocity_m_s);
+    o->velocity_correlation = o->course_rad = o->sigma_course_rad = NAN;
+}
+
 static void forget_velocity(struct can_object *o)
 {
     memcpy(o->velocity_m_s, unknown.velocity_m_s, sizeof o->velocity_m_s);
     o->sigma_v_m_s = NAN;
+    forget_motion(o);
 }
 
 static void forget_covariance(struct can_object *o)
@@ -354,8 +400,9 @@ static bool forget_out_of_range(const struct sender *s, struct can_object *o)
                                &o->unseen_s};
     bool place = fit(s, o, o->position_m, 3), velocity = fit(s, o, o->velocity_m_s, 2),
          covariance = fit(s, o, o->covariance_m2, 6),
-         correlation = fit(s, o, &o->correlation, 1);
-    bool any = !place || !velocity || !covariance || !correlation;
+         correlation = fit(s, o, &o->correlation, 1),
+         certainty = !s->cfg.bus.motion || fit(s, o, &o->velocity_correlation, 1);
+    bool any = !place || !velocity || !covariance || !correlation || !certainty;
 
     if (!place)
         forget_place(o);
@@ -365,6 +412,8 @@ static bool forget_out_of_range(const struct sender *s, struct can_object *o)
         forget_covariance(o);
     if (!correlation)
         o->correlation = NAN;
+    if (!certainty)
+        forget_motion(o);
     any |= forget_outside(&o->existence, 0.0, 1.0);
     any |= forget_outside(&o->class_probability, 0.0, 1.0);
     for (size_t i = 0; i < sizeof amounts / sizeof *amounts; i++)
@@ -398,8 +447,10 @@ static void fill_object(struct sender *s, struct sender_list *out,
         o->unseen_s = d->unseen_s;
     }
     bool known = list->mirrored && list->in_vehicle_frame;
-    if (known)
+    if (known) {
         fill_place(o, d);
+        fill_velocity(o, d);
+    }
     if (forget_out_of_range(s, o)) {
         s->out_of_range++;
         out->note = "an object with a number that is out of the range of its signal, "
@@ -474,6 +525,10 @@ static void pack_object(const struct sender *s, struct sender_list *list,
 {
     struct can_frame_data *frame = list->frames + list->n_frames;
 
+    if (s->cfg.bus.motion) {
+        can_pack_object_motion(frame++, s->cfg.base_id, o);
+        list->n_frames++;
+    }
     if (s->cfg.bus.fd) {
         can_pack_object_fd(frame, s->cfg.base_id, o);
         list->n_frames++;

@@ -32,6 +32,7 @@
 struct bus_budget_config {
     struct can_bus_rate rate;
     bool fd;     /* one FD frame an object, in place of three */
+    bool motion; /* and before these its motion frame */
     double load; /* share of the bus: 0..1 */
 };
 
@@ -52,7 +53,7 @@ size_t bus_budget_objects(struct bus_budget *a, const struct bus_budget_config *
 void bus_budget_begin(struct bus_budget *a, const struct bus_budget_config *cfg,
                       int64_t now_ns, size_t n_objects);
 
-#define SENDER_MAX_FRAMES (2 + 3 * CAN_MAX_OBJECTS)
+#define SENDER_MAX_FRAMES (2 + 4 * CAN_MAX_OBJECTS)
 
 struct sender_config {
     uint32_t base_id; /* of the sensor: with 0x10 for each before it */
@@ -119,9 +120,9 @@ void sender_list(struct sender *s, const Anlos__DetectionList *list, int64_t cap
 /* An empty one of our own, of the newest sound that there was: when no message comes. */
 void sender_empty_list(struct sender *s, int64_t capture_ns, struct sender_list *out);
 
-/* Makes the frames, when the list goes out: header, time, then state, dynamics and
- * quality or the FD frame of each object that the bus has room for
- * (struct bus_budget) and that is allowed.  What was heard too long ago is said to be
+/* Makes the frames, when the list goes out: header, time, then the motion frame, if any,
+ * and state, dynamics and quality or the FD frame of each object that the bus has room
+ * for (struct bus_budget) and that is allowed.  What was heard too long ago is said to be
  * predicted; what was heard, but in no list that the vehicle got, is new: nothing was
  * sent before the sensor was ready, lists were lost or had no room for it.  A track is
  * not sent before it is new.  last_ns: when the list before began; 0: none did.  Cycle is

@@ -20,6 +20,10 @@ FD = {"X": ("x_m", 1), "Y": ("y_m", 1), "Z": ("z_m", 1), "Vx": ("vx_m_s", 1),
       "SigmaV": ("sigma_v_m_s", 1), "Length": ("length_m", 1), "Width": ("width_m", 1),
       "Height": ("height_m", 1), "ClassProbability": ("shape_probability", 0.01),
       "Unseen": ("unseen_s", 1), "Age": ("age_s", 1)}
+DEGREE = math.pi / 180
+MOTION = {"Course": ("course_rad", DEGREE), "SigmaCourse": ("sigma_course_rad", DEGREE),
+          "SigmaVx": ("sigma_vx_m_s", 1), "SigmaVy": ("sigma_vy_m_s", 1),
+          "CorrelationV": ("correlation_v", 1)}
 NAMES = {"Measurement": "measurement", "Class": "shape", "DynamicProperty": "motion"}
 FLAGS = {"BehindNoWall": "behind_no_wall", "InFreeView": "in_free_view"}
 
@@ -65,8 +69,9 @@ def fail(what, *values):
 
 def check_object(o, s):
     fd = "CovarianceXX" in s
-    for signal, (name, unit) in (FD if fd else CLASSIC).items():
-        value = s[signal] if s[signal] is None else s[signal] * unit
+    for signal, (name, unit) in {**(FD if fd else CLASSIC), **MOTION}.items():
+        value = s.get(signal)  # without ObjectMotion its values are not available
+        value = value if value is None else value * unit
         if not same(o[name], value, 1e-5):
             fail(f"object {o['id']}, {signal}", o, s)
     if fd and not same(o["sigma_x_m"] and o["sigma_x_m"] ** 2, s["CovarianceXX"], 1e-6):
@@ -102,6 +107,11 @@ def without_first_of_each_kind(lists):
         n = len(decoded["objects"])
         for kind, count in (("list", 1), ("fd" if fd else "classic", n)):
             heard[kind] = heard.get(kind, 0) + count
+        motions = [s for s in decoded["objects"].values() if "Course" in s]
+        heard["motion"] = heard.get("motion", 0) + len(motions)
+        for s in motions if heard["motion"] < 2 else ():
+            for signal in MOTION:
+                del s[signal]
         if heard["list"] >= 2 and (not n or heard["fd" if fd else "classic"] >= 2):
             believed.append(decoded)
     return believed
@@ -151,7 +161,8 @@ def main():
     n = sum(len(line["objects"]) for line in c[:-1])
     if n < least or len(c) < 3:
         fail(f"only {n} objects in {len(c) - 1} lists")
-    print(f"{len(c) - 1} lists with {n} objects: the same")
+    courses = sum(o["course_rad"] is not None for line in c[:-1] for o in line["objects"])
+    print(f"{len(c) - 1} lists with {n} objects, {courses} of them with a course: the same")
 
 
 main()

@@ -8,7 +8,7 @@
 #include <stdint.h>
 #include <string.h>
 
-enum { STATUS, DIAGNOSIS, HEADER, TIME, STATE, DYNAMICS, QUALITY, FD = 8, KINDS };
+enum { STATUS, DIAGNOSIS, HEADER, TIME, STATE, DYNAMICS, QUALITY, MOTION, FD, KINDS };
 
 struct sensor_frame {
     uint32_t id;
@@ -125,7 +125,7 @@ static inline struct sensor_frame sensor_time(const struct sensor *s)
     return f;
 }
 
-/* kind: STATE, DYNAMICS, QUALITY or FD, of the list of now; all signals are 0. */
+/* kind: STATE, DYNAMICS, QUALITY, MOTION or FD, of the list of now; all signals are 0. */
 static inline struct sensor_frame sensor_object(const struct sensor *s, unsigned kind,
                                                 unsigned id)
 {

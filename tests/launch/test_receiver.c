@@ -522,6 +522,84 @@ static void a_list_has_one_kind_of_objects(void **state)
 }
 
 /* A's Time and B's header are lost: B's Time must not become A's. */
+/* Course 90 degrees to the left, of the list and object that it names. */
+static struct sensor_frame motion_of(const struct sensor *s, unsigned id)
+{
+    struct sensor_frame f = sensor_object(s, MOTION, id);
+
+    sensor_put(&f, 28, 9, 90);
+    return f;
+}
+
+static const struct anlos_object *object_of(struct bench *b, unsigned i)
+{
+    return &look(b)->list->objects[i];
+}
+
+static void a_list_is_whole_without_motions_and_takes_those_that_came(void **state)
+{
+    struct bench *b = *state;
+
+    get_going(b);
+    assert_int_equal(object_of(b, 0)->course_rad.quality, ANLOS_NOT_AVAILABLE);
+    for (int i = 0; i < 3; i++) { /* believed from the second on */
+        open_list(b, 2);
+        assert_int_equal(send(b, motion_of(&b->s, 2)), 0);
+        send_object(b, 1);
+        send_object(b, 2);
+        assert_int_equal(object_of(b, 0)->course_rad.quality, ANLOS_NOT_AVAILABLE);
+        assert_int_equal(object_of(b, 1)->course_rad.quality,
+                         i ? ANLOS_AVAILABLE : ANLOS_NOT_AVAILABLE);
+    }
+    assert_float_equal(object_of(b, 1)->course_rad.value, 1.5707963, 1e-6);
+    open_list(b, 1);
+    send(b, sensor_object(&b->s, STATE, 1));
+    send(b, motion_of(&b->s, 1)); /* in any order */
+    send(b, sensor_object(&b->s, DYNAMICS, 1));
+    assert_int_equal(send(b, sensor_object(&b->s, QUALITY, 1)), ANLOS_EVENT_LIST);
+    assert_int_equal(object_of(b, 0)->course_rad.quality, ANLOS_AVAILABLE);
+    open_list(b, 1);
+    send(b, motion_of(&b->s, 1));
+    assert_int_equal(send(b, sensor_object(&b->s, FD, 1)), ANLOS_EVENT_DROPPED);
+    open_list(b, 1);
+    send(b, motion_of(&b->s, 1));
+    assert_int_equal(send(b, sensor_object(&b->s, FD, 1)), ANLOS_EVENT_LIST);
+    assert_int_equal(object_of(b, 0)->course_rad.quality, ANLOS_AVAILABLE);
+    assert_int_equal(counts(b)->frames_orphaned, 0);
+}
+
+static void no_motion_spoils_a_list(void **state)
+{
+    struct bench *b = *state;
+
+    get_going(b);
+    assert_int_equal(send(b, motion_of(&b->s, 1)), 0); /* its list is over */
+    assert_int_equal(counts(b)->frames_orphaned, 1);
+    open_list(b, 1);
+    struct sensor_frame late = sensor_object(&b->s, MOTION, 1);
+    sensor_put(&late, 24, 4, b->s.list - 1);
+    send(b, late); /* of the list before */
+    assert_int_equal(counts(b)->frames_orphaned, 2);
+    send(b, motion_of(&b->s, 7)); /* of no object */
+    send(b, motion_of(&b->s, 1)); /* one too many */
+    assert_int_equal(counts(b)->frames_orphaned, 3);
+    send_object(b, 1);
+    assert_int_equal(look(b)->list->counter, b->s.list);
+    assert_int_equal(object_of(b, 0)->course_rad.quality, ANLOS_NOT_AVAILABLE);
+    for (int i = 0; i < 2; i++) {
+        struct sensor_frame f = sensor_next(&b->s, motion_of(&b->s, 1));
+        f.data[7] ^= 1;
+        assert_int_equal(hear(b, f), ANLOS_EVENT_WRONG);
+    }
+    open_list(b, 1);
+    send(b, motion_of(&b->s, 1)); /* not believed any more */
+    send_object(b, 1);
+    assert_int_equal(look(b)->list->counter, b->s.list);
+    assert_int_equal(object_of(b, 0)->course_rad.quality, ANLOS_NOT_AVAILABLE);
+    assert_int_equal(b->view.list_link, ANLOS_VALID);
+    assert_int_equal(b->view.trust, ANLOS_TRUST_FULL);
+}
+
 static void the_time_of_the_next_list_is_not_taken(void **state)
 {
     struct bench *b = *state;
@@ -675,6 +753,7 @@ struct signal {
     bool clamped;
 };
 
+#define DEGREE           (acos(-1) / 180)
 #define OBJECT(field)    #field, offsetof(struct anlos_object, field)
 #define LIST(field)      #field, offsetof(struct anlos_list, field)
 #define OF_STATUS(field) #field, offsetof(struct anlos_status, field)
@@ -693,6 +772,11 @@ static const struct signal object_signals[] = {
     {OBJECT(sigma_v_m_s), QUALITY, 48, 5, false, 0.1, 0, 0, 30, 31, true},
     {OBJECT(length_m), QUALITY, 53, 6, false, 0.1, 0, 0, 62, 63, true},
     {OBJECT(width_m), QUALITY, 59, 5, false, 0.1, 0, 0, 30, 31, true},
+    {OBJECT(course_rad), MOTION, 28, 9, true, DEGREE, 0, -180, 180, -256, false},
+    {OBJECT(sigma_course_rad), MOTION, 37, 6, false, DEGREE, 0, 0, 62, 63, true},
+    {OBJECT(sigma_vx_m_s), MOTION, 43, 7, false, 0.05, 0, 0, 126, 127, true},
+    {OBJECT(sigma_vy_m_s), MOTION, 50, 7, false, 0.05, 0, 0, 126, 127, true},
+    {OBJECT(correlation_v), MOTION, 57, 6, true, 0.04, 0, -25, 25, -32, false},
     {OBJECT(shape_probability), FD, 55, 7, false, 0.01, 0, 0, 100, 127, false},
     {OBJECT(existence), FD, 62, 14, false, 0.0001, 0, 0, 10000, 16383, false},
     {OBJECT(sigma_v_m_s), FD, 76, 12, false, 0.01, 0, 0, 4094, 4095, true},
@@ -717,24 +801,23 @@ static struct anlos_value heard(struct bench *b, const struct signal *s, int64_t
 {
     const void *from;
     struct anlos_value v;
-    unsigned number = s->kind >= STATE;
-    struct sensor_frame frames[5];
+    unsigned number = s->kind >= STATE, n = s->kind == STATUS ? 1 : 2;
+    struct sensor_frame frames[6];
 
     b->s.list = (b->s.list + 1) % 4096;
     b->s.capture_s++;
     frames[0] = s->kind == STATUS ? sensor_status(&b->s, ACTIVE, 0)
                                   : sensor_header(&b->s, number);
     frames[1] = sensor_time(&b->s);
-    for (unsigned i = 0; i < 3; i++)
-        frames[2 + i] = sensor_object(&b->s, s->kind == FD ? FD : STATE + i, 1);
-    for (unsigned i = 0; i < 5; i++)
+    if (s->kind == MOTION)
+        frames[n++] = sensor_object(&b->s, MOTION, 1);
+    for (unsigned i = 0; number && i < (s->kind == FD ? 1 : 3); i++)
+        frames[n++] = sensor_object(&b->s, s->kind == FD ? FD : STATE + i, 1);
+    for (unsigned i = 0; i < n; i++) {
         if (frames[i].id - b->s.first_id == s->kind)
             sensor_put(&frames[i], s->start, s->length, raw);
-    for (unsigned i = 0; i < (s->kind == STATUS ? 1
-                              : s->kind == FD   ? 3
-                                                : 2 + 3 * number);
-         i++)
         send(b, frames[i]);
+    }
     look(b);
     from = s->kind == STATUS   ? (const void *)&b->view.status
            : s->kind == HEADER ? (const void *)b->view.list
@@ -745,13 +828,14 @@ static struct anlos_value heard(struct bench *b, const struct signal *s, int64_t
     return v;
 }
 
-/* Lists with objects of both kinds, whose frames are believed from then on. */
+/* Lists with objects of all kinds, whose frames are believed from then on. */
 static void begin(struct bench *b)
 {
     restart(b);
     send(b, sensor_status(&b->s, ACTIVE, 0));
     for (int i = 0; i < 2; i++) {
         open_list(b, 1);
+        send(b, sensor_object(&b->s, MOTION, 1));
         send(b, sensor_object(&b->s, FD, 1));
         send_list(b, 1);
     }
@@ -1110,8 +1194,8 @@ static void what_is_not_the_sensors_is_left_alone(void **state)
 {
     struct bench *b = *state;
     uint8_t data[64] = {0};
-    static const uint32_t others[] = {0,     0x3FF, 0x407, 0x409,      0x40C,
-                                      0x40F, 0x410, 0x7FF, 0x80000400, UINT32_MAX};
+    static const uint32_t others[] = {0,     0x3FF, 0x409,      0x40C,     0x40F,
+                                      0x410, 0x7FF, 0x80000400, UINT32_MAX};
 
     for (size_t i = 0; i < sizeof others / sizeof *others; i++)
         assert_int_equal(anlos_receiver_frame(&b->r, others[i], data, 8, 0),
@@ -1197,6 +1281,8 @@ int main(void)
         TEST(objects_of_another_list_are_not_mixed_in),
         TEST(a_part_that_comes_twice_or_of_an_object_too_many_spoils_the_list),
         TEST(a_list_has_one_kind_of_objects),
+        TEST(a_list_is_whole_without_motions_and_takes_those_that_came),
+        TEST(no_motion_spoils_a_list),
         TEST(the_time_of_the_next_list_is_not_taken),
         TEST(a_whole_list_that_gets_lost_costs_no_other),
         TEST(a_list_has_one_time),

@@ -25,14 +25,16 @@ MESSAGES = {  # identifier: name, bytes, sender, cycle time
     0x400: ("Status", 8, "Anlos", 100), 0x401: ("Diagnosis", 8, "Anlos", 1000),
     0x402: ("ListHeader", 8, "Anlos", 0), 0x403: ("Time", 8, "Anlos", 0),
     0x404: ("ObjectState", 8, "Anlos", 0), 0x405: ("ObjectDynamics", 8, "Anlos", 0),
-    0x406: ("ObjectQuality", 8, "Anlos", 0), 0x408: ("ObjectFD", 64, "Anlos", 0),
+    0x406: ("ObjectQuality", 8, "Anlos", 0), 0x407: ("ObjectMotion", 8, "Anlos", 0),
+    0x408: ("ObjectFD", 64, "Anlos", 0),
     0x40C: ("EgoMotion", 8, "Vehicle", 20), 0x40D: ("Ambient", 8, "Vehicle", 1000),
     0x40E: ("WallIn", 8, "Vehicle", 100), 0x40F: ("SaveRequest", 8, "Vehicle", 1000),
 }
 CYCLIC, EVENT, BOTH = "Cyclic", "Event", "CyclicAndEvent"
 SEND_TYPES = {"Status": BOTH, "Diagnosis": CYCLIC, "EgoMotion": CYCLIC, "Ambient": CYCLIC,
               "WallIn": CYCLIC, "SaveRequest": BOTH}  # the others: with each list
-ROUNDED_UP = {"SigmaX", "SigmaY", "SigmaV", "SigmaAzimuth", "SigmaDistance"}
+ROUNDED_UP = {"SigmaX", "SigmaY", "SigmaV", "SigmaAzimuth", "SigmaDistance", "SigmaCourse",
+              "SigmaVx", "SigmaVy"}
 failures = []
 
 
@@ -180,7 +182,7 @@ def check_recorded(db, path):
         for signal, value in (word.split("=") for word in values):
             check(now.get(signal) == value,
                   f"recorded {name}.{signal}: {now.get(signal)}, was {value}")
-    check(len(lines) >= 77, f"only {len(lines)} recorded frames")
+    check(len(lines) >= 87, f"only {len(lines)} recorded frames")
     return len(lines)
 
 

@@ -42,6 +42,18 @@ static void print_classic(const struct can_object *o)
            o->sigma_v_m_s, o->length_m, o->width_m);
 }
 
+static void print_motion(const struct can_object *o)
+{
+    const double degrees = 180 / acos(-1);
+    struct can_frame_data f;
+    can_pack_object_motion(&f, CAN_BASE_DEFAULT, o);
+    print_frame(&f);
+    printf("# ObjectMotion Id=%d Counter=%d Course=%.9g SigmaCourse=%.9g SigmaVx=%.9g "
+           "SigmaVy=%.9g CorrelationV=%.9g\n",
+           o->id, o->counter & 15, degrees * o->course_rad, degrees * o->sigma_course_rad,
+           o->sigma_velocity_m_s[0], o->sigma_velocity_m_s[1], o->velocity_correlation);
+}
+
 static void print_fd(const struct can_object *o)
 {
     static const char *const axes[] = {"XX", "XY", "XZ", "YY", "YZ", "ZZ"};
@@ -78,6 +90,10 @@ static struct can_object object_of(double value)
                            .class = CAN_EXTENDED,
                            .motion = CAN_MOVING,
                            .sigma_v_m_s = value,
+                           .course_rad = value,
+                           .sigma_course_rad = value,
+                           .sigma_velocity_m_s = {value, value},
+                           .velocity_correlation = value,
                            .height_m = value,
                            .class_probability = value,
                            .age_s = value,
@@ -120,6 +136,11 @@ static struct can_object object_at_random(int i)
                            .wall = (uint8_t)(3 * i),
                            .behind_no_wall = i % 2,
                            .in_free_view = i / 2 % 2};
+    o.course_rad = acos(-1) * draw();
+    o.sigma_course_rad = fabs(draw());
+    o.sigma_velocity_m_s[0] = 6 * fabs(draw());
+    o.sigma_velocity_m_s[1] = 6 * fabs(draw());
+    o.velocity_correlation = draw();
     for (int k = 0; k < 6; k++)
         o.covariance_m2[k] = k == 0 || k == 3 || k == 5 ? fabs(draw()) : draw();
     return o;
@@ -133,11 +154,13 @@ static void print_objects(void)
         o = object_of(ends[i]);
         print_classic(&o);
         print_fd(&o);
+        print_motion(&o);
     }
     for (int i = 0; i < 300; i++) {
         o = object_at_random(i % 256);
         print_classic(&o);
         print_fd(&o);
+        print_motion(&o);
     }
 }
 

@@ -59,10 +59,13 @@ static void an_fd_frame_of_64_bytes_takes_407_microseconds(void **state)
 static void thirty_two_objects_take_98_frames(void **state)
 {
     (void)state;
-    assert_about(can_list_s(&rate, 0, false), 2 * 135 / 500e3);
-    assert_about(can_list_s(&rate, 32, false), 98 * 135 / 500e3);
-    assert_about(can_list_s(&rate, 32, true),
+    assert_about(can_list_s(&rate, 0, false, true), 2 * 135 / 500e3);
+    assert_about(can_list_s(&rate, 32, false, false), 98 * 135 / 500e3);
+    assert_about(can_list_s(&rate, 32, false, true), 130 * 135 / 500e3);
+    assert_about(can_list_s(&rate, 32, true, false),
                  2 * 135 / 500e3 + 32 * can_frame_s(&rate, 64, true));
+    assert_about(can_list_s(&rate, 32, true, true),
+                 34 * 135 / 500e3 + 32 * can_frame_s(&rate, 64, true));
 }
 
 /* 10 + 1 of status and diagnosis, 50 + 1 + 10 + 1 of the vehicle, each kind once more, 10
@@ -76,9 +79,12 @@ static void what_comes_in_cycles_takes_94_frames_at_most(void **state)
 static void ten_full_lists_a_second_fit_in_three_tenths_of_500_kbit(void **state)
 {
     (void)state;
-    double load = 10 * can_list_s(&rate, 32, false) + can_cycles_s(&rate);
+    double load = 10 * can_list_s(&rate, 32, false, false) + can_cycles_s(&rate);
     assert_true(load > 0.28 && load < 0.29);
-    assert_true(10 * can_list_s(&rate, 32, true) + can_cycles_s(&rate) < 0.17);
+    assert_true(10 * can_list_s(&rate, 32, true, false) + can_cycles_s(&rate) < 0.17);
+    load = 10 * can_list_s(&rate, 32, false, true) + can_cycles_s(&rate);
+    assert_true(load > 0.37 && load < 0.38);
+    assert_true(10 * can_list_s(&rate, 32, true, true) + can_cycles_s(&rate) < 0.26);
 }
 
 int main(void)

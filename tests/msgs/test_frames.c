@@ -78,7 +78,11 @@ static struct can_object example(void)
                                .unseen_s = 0.25,
                                .wall = 2,
                                .behind_no_wall = true,
-                               .in_free_view = false};
+                               .in_free_view = false,
+                               .course_rad = -123.2 * acos(-1) / 180,
+                               .sigma_course_rad = 6.3 * acos(-1) / 180,
+                               .sigma_velocity_m_s = {0.32, 1.2},
+                               .velocity_correlation = -0.6};
 }
 
 static void a_status_is_read_back(void **state)
@@ -179,6 +183,37 @@ static void an_object_is_read_back(void **state)
     assert_int_equal(raw(&f, "ObjectQuality", "SigmaV"), 5);
     assert_near(&f, "ObjectQuality", "Length", 4.5);
     assert_near(&f, "ObjectQuality", "Width", 1.8);
+}
+
+/* On paper: 200 | 9 << 8 | (-123 & 511) << 12 | 7 << 21 | 7 << 27 | 24 << 34 |
+ * (-15 & 63) << 41, from the third byte on. */
+static void a_motion_has_the_bytes_of_the_layout(void **state)
+{
+    static const uint8_t bytes[8] = {0, 0, 0xC8, 0x59, 0xF8, 0x38, 0x60, 0x62};
+    static const uint8_t unknown[8] = {0, 0, 0xC8, 0x09, 0xF0, 0xFF, 0xFF, 0x41};
+    struct can_object o = example(), back = {.age_s = -1};
+    struct can_frame_data f;
+
+    (void)state;
+    can_pack_object_motion(&f, 0x400, &o);
+    assert_frame(&f, 0x407);
+    assert_memory_equal(f.data, bytes, 8);
+    assert_near(&f, "ObjectMotion", "Course", -123);
+    assert_int_equal(can_unpack_object_motion(&f, &back), 0);
+    assert_int_equal(back.id, 200);
+    assert_int_equal(back.counter, 9);
+    assert_true(fabs(back.sigma_course_rad - 7 * acos(-1) / 180) < 1e-9);
+    assert_true(fabs(back.sigma_velocity_m_s[0] - 0.35) < 1e-9);
+    assert_true(fabs(back.sigma_velocity_m_s[1] - 1.2) < 1e-9);
+    assert_true(fabs(back.velocity_correlation + 0.6) < 1e-9);
+    assert_true(back.age_s == -1); /* what a frame does not carry is let alone */
+    o.course_rad = o.sigma_course_rad = o.velocity_correlation = NAN;
+    o.sigma_velocity_m_s[0] = o.sigma_velocity_m_s[1] = NAN;
+    can_pack_object_motion(&f, 0x400, &o);
+    assert_memory_equal(f.data, unknown, 8);
+    assert_int_equal(can_unpack_object_motion(&f, &back), 0);
+    assert_true(isnan(back.course_rad) && isnan(back.sigma_course_rad) &&
+                isnan(back.sigma_velocity_m_s[1]) && isnan(back.velocity_correlation));
 }
 
 static void every_position_is_within_half_a_step(void **state)
@@ -619,6 +654,7 @@ int main(void)
         cmocka_unit_test(a_time_is_read_back),
         cmocka_unit_test(a_time_out_of_range_is_clamped),
         cmocka_unit_test(an_object_is_read_back),
+        cmocka_unit_test(a_motion_has_the_bytes_of_the_layout),
         cmocka_unit_test(every_position_is_within_half_a_step),
         cmocka_unit_test(a_sigma_is_never_said_better_than_it_is),
         cmocka_unit_test(values_out_of_range_are_clamped_to_it),

@@ -310,6 +310,34 @@ static void an_object_of_another_list_does_not_complete_one(void **s)
     assert_has(r.out, "\nlists: 1 whole, 1 cut\n");
 }
 
+static void a_list_is_whole_with_some_motions_or_none(void **s)
+{
+    struct command_result r;
+    struct log l = begin(*s, 0x400);
+    struct can_frame_data f[5];
+    const struct can_object o = {.counter = 7,
+                                 .course_rad = acos(-1) / 2,
+                                 .sigma_course_rad = NAN,
+                                 .sigma_velocity_m_s = {0.12, 9},
+                                 .velocity_correlation = 0.2};
+    can_pack_list_header(&f[0], 0x400,
+                         &(struct can_list_header){.number = 2, .counter = 7});
+    can_pack_time(&f[1], 0x400, 1);
+    can_pack_object_motion(&f[2], 0x400, &o);
+    can_pack_object_fd(&f[3], 0x400, &o);
+    can_pack_object_fd(&f[4], 0x400, &o);
+    for (int i = 0; i < 5; i++)
+        put(&l, f[i]);
+    decode(&r, *s, &l, "--id", "ObjectMotion");
+    assert_int_equal(r.code, 0);
+    assert_has(r.out, "407 ObjectMotion    ok ");
+    assert_has(r.out, "Course 90 deg");
+    assert_has(r.out, "SigmaCourse NotAvailable");
+    assert_has(r.out, "SigmaVx 0.15 m/s");
+    assert_has(r.out, "SigmaVy 6.30 m/s");
+    assert_has(r.out, "\nlists: 1 whole, 0 cut\n");
+}
+
 /* As candump 2021.08 wrote it, with -ta -x and without anything. */
 static void lines_for_the_screen_are_read_too(void **s)
 {
@@ -472,7 +500,7 @@ static void wrong_arguments_are_refused(void **s)
     char *low[] = {"can", "decode", path, "--base", "f0", NULL};
     char *text[] = {"can", "decode", path, "--base", "-1", NULL};
     char *many[] = {"can", "decode", path, "--sensor", "64", NULL};
-    char *id[] = {"can", "decode", path, "--id", "407", NULL};
+    char *id[] = {"can", "decode", path, "--id", "409", NULL};
     char *name[] = {"can", "decode", path, "--id", "Statu", NULL};
     char *seconds[] = {"can", "decode", path, "--seconds", "0", NULL};
     char **all[] = {none, verb, file, two,  away, folder, scheme,
@@ -489,7 +517,7 @@ static void wrong_arguments_are_refused(void **s)
         "--base 7f1",
         "--base -1",
         "would end above 7ff",
-        "--id 407",
+        "--id 409",
         "--id Statu",
         "--seconds 0"};
     for (size_t i = 0; i < sizeof all / sizeof *all; i++) {
@@ -553,6 +581,7 @@ int main(void)
         TEST(only_what_is_asked_for_is_printed_but_all_counted),
         TEST(lists_are_found_whole_or_cut),
         TEST(an_object_of_another_list_does_not_complete_one),
+        TEST(a_list_is_whole_with_some_motions_or_none),
         TEST(lines_for_the_screen_are_read_too),
         TEST(one_of_several_interfaces_is_chosen),
         TEST(lines_that_are_no_frames_are_counted_and_the_rest_is_read),

@@ -185,7 +185,7 @@ static void more_objects_than_fit_are_cut_off_and_said(void **state)
     fill(&l, 40);
     sender_list(&s, &l.message, 0, &sent);
     sender_finalize(&s, &sent, 7 * MS, 0);
-    assert_int_equal(sent.n_frames, SENDER_MAX_FRAMES);
+    assert_int_equal(sent.n_frames, 2 + 3 * CAN_MAX_OBJECTS);
     can_pack_list_header(&expected, 0x400,
                          &(struct can_list_header){.number = CAN_MAX_OBJECTS,
                                                    .counter = 5,
@@ -402,6 +402,153 @@ static void a_track_says_how_it_moves(void **state)
     assert_near(o.sigma_v_m_s, 0.3, 1e-9); /* of the worse axis */
     assert_int_equal(o.class, CAN_EXTENDED);
     assert_int_equal(o.motion, CAN_MOVING);
+}
+
+/* Course and sigmas of one that moves so. */
+static struct can_object motion_of(const double velocity_m_s[2],
+                                   const double covariance[3], Anlos__Motion motion)
+{
+    double v[2] = {velocity_m_s[0], velocity_m_s[1]};
+    double c[3] = {covariance[0], covariance[1], covariance[2]};
+    struct sender s;
+    struct list l;
+    struct sender_list out;
+
+    init(&s, 0x400);
+    s.cfg.bus.motion = true;
+    fill_tracks(&l, 1);
+    l.detections[0].velocity_m_s = v;
+    l.detections[0].velocity_covariance_m2_s2 = c;
+    l.detections[0].motion = motion;
+    sender_list(&s, &l.message, 100000 * MS, &out);
+    return out.objects[0];
+}
+
+static void a_motion_goes_before_the_other_frames_of_its_object(void **state)
+{
+    static const uint32_t classic[] = {0x407, 0x404, 0x405, 0x406, 0x407, 0x404},
+                          flexible[] = {0x407, 0x408, 0x407, 0x408};
+    const double degree = acos(-1) / 180;
+    struct sender s;
+    struct list l;
+    struct sender_list sent;
+    struct can_object o;
+
+    (void)state;
+    for (int fd = 0; fd < 2; fd++) {
+        init(&s, 0x400);
+        know_tracks(&s);
+        s.cfg.bus.fd = fd;
+        s.cfg.bus.motion = true;
+        fill_tracks(&l, 2);
+        send(&s, &l, 50, &sent);
+        assert_int_equal(sent.n_frames, fd ? 6 : 10);
+        for (size_t i = 0; i < (fd ? 4 : 6); i++)
+            assert_int_equal(sent.frames[2 + i].id, fd ? flexible[i] : classic[i]);
+        assert_int_equal(can_unpack_object_motion(&sent.frames[fd ? 4 : 6], &o), 0);
+        assert_int_equal(o.id, 2);
+        assert_near(o.course_rad, atan2(0.25, -1.5), 0.51 * degree);
+        assert_near(o.sigma_velocity_m_s[0], 0.2, 1e-9);
+        assert_near(o.sigma_velocity_m_s[1], 0.3, 1e-9);
+        assert_near(o.velocity_correlation, 0.0, 1e-9);
+    }
+}
+
+/* The directions of 20000 velocities with that error: a square grid of its quantiles. */
+static double share_within_sigma(const struct can_object *o, const double c[3])
+{
+    const double xx = sqrt(c[0]), xy = c[1] / xx, yy = sqrt(c[2] - xy * xy);
+    size_t within = 0, n = 0;
+
+    for (double u = 0.005; u < 1.0; u += 0.01)
+        for (double a = 0.0025; a < 1.0; a += 0.005, n++) {
+            double r = sqrt(-2.0 * log(u)), p = r * cos(2 * acos(-1) * a),
+                   q = r * sin(2 * acos(-1) * a);
+            double x = o->velocity_m_s[0] + xx * p,
+                   y = o->velocity_m_s[1] + xy * p + yy * q;
+            double off = remainder(atan2(y, x) - o->course_rad, 2 * acos(-1));
+            within += fabs(off) < o->sigma_course_rad;
+        }
+    return (double)within / (double)n;
+}
+
+static void a_course_is_as_sure_as_it_says(void **state)
+{
+    static const struct {
+        double v[2], c[3];
+    } cases[] = {
+        {{1.0, 0.0}, {0.24, 0.0, 0.24}},      {{0.0, -1.4}, {0.01, 0.0, 0.4}},
+        {{-1.1, 1.1}, {0.15, 0.1, 0.15}},     {{-1.1, 1.1}, {0.15, -0.1, 0.15}},
+        {{3.0, 0.0}, {0.4, 0.0, 2.2}},        {{3.0, 0.0}, {2.2, 0.0, 0.3}},
+        {{-5.0, -0.01}, {0.04, 0.005, 0.09}}, {{2.0, 3.0}, {0.5, 0.4, 0.6}},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        struct can_object o = motion_of(cases[i].v, cases[i].c, ANLOS__MOTION__MOVING);
+        assert_near(o.course_rad, atan2(cases[i].v[1], cases[i].v[0]), 1e-12);
+        double share = share_within_sigma(&o, cases[i].c); /* 0.683, never far less */
+        assert_true(share > 0.67 && share < 0.74);
+    }
+}
+
+static void what_has_no_sure_direction_has_no_course(void **state)
+{
+    static const double v[2] = {-0.9, 0.0}, sure[3] = {0.2024, 0.0, 0.01},
+                        unsure[3] = {0.2026, 0.0, 0.01}, across[3] = {0.01, 0.0, 0.2026},
+                        none[3] = {NAN, 0.0, 0.01}, negative[3] = {0.01, 0.0, -1e-6},
+                        impossible[3] = {0.01, 0.02, 0.01}, zero[2] = {0.0, 0.0},
+                        exact[3] = {0.0, 0.0, 0.0};
+    const struct {
+        const double *v, *c;
+        Anlos__Motion motion;
+        bool course;
+    } cases[] = {
+        {v, sure, ANLOS__MOTION__MOVING, true},
+        {v, sure, ANLOS__MOTION__STANDING, false},
+        {v, sure, ANLOS__MOTION__MOTION_UNKNOWN, false},
+        {v, unsure, ANLOS__MOTION__MOVING, false},
+        {v, across, ANLOS__MOTION__MOVING, false},
+        {v, none, ANLOS__MOTION__MOVING, false},
+        {v, negative, ANLOS__MOTION__MOVING, false},
+        {v, impossible, ANLOS__MOTION__MOVING, false},
+        {zero, exact, ANLOS__MOTION__MOVING, false},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        struct can_object o = motion_of(cases[i].v, cases[i].c, cases[i].motion);
+        if (isnan(o.course_rad) == cases[i].course ||
+            isnan(o.sigma_course_rad) == cases[i].course)
+            fail_msg("case %zu: %g +- %g", i, o.course_rad, o.sigma_course_rad);
+        if (cases[i].c == impossible)
+            assert_true(isnan(o.sigma_velocity_m_s[0]) && isnan(o.velocity_correlation));
+    }
+}
+
+static void a_motion_takes_its_part_of_the_bus(void **state)
+{
+    struct sender s;
+    struct list l;
+    struct sender_list sent;
+    unsigned n[2];
+
+    (void)state;
+    for (int motion = 0; motion < 2; motion++) {
+        init(&s, 0x400);
+        s.cfg.bus.motion = motion;
+        s.cfg.bus.load = 0.25;
+        fill(&l, 32);
+        for (int i = 0; i < 20; i++) {
+            sender_list(&s, &l.message, 0, &sent);
+            sender_finalize(&s, &sent, (1000 + 100 * i) * MS, 0);
+        }
+        n[motion] = (unsigned)sent.n_picked;
+        assert_int_equal(sent.n_frames, 2 + (3 + (size_t)motion) * n[motion]);
+        double used = 10.0 * (double)sent.n_frames * 135 / 500e3;
+        assert_true(used < 0.25 && used > 0.15);
+    }
+    assert_in_range(4 * n[1], 3 * n[0] - 4, 3 * n[0] + 4); /* four frames for three */
 }
 
 static void a_variance_that_is_none_never_looks_like_certainty(void **state)
@@ -1127,6 +1274,10 @@ int main(void)
         cmocka_unit_test(what_is_not_known_to_be_live_never_looks_live),
         cmocka_unit_test(no_place_beyond_its_wall_leaves),
         cmocka_unit_test(a_track_says_how_it_moves),
+        cmocka_unit_test(a_motion_goes_before_the_other_frames_of_its_object),
+        cmocka_unit_test(a_course_is_as_sure_as_it_says),
+        cmocka_unit_test(what_has_no_sure_direction_has_no_course),
+        cmocka_unit_test(a_motion_takes_its_part_of_the_bus),
         cmocka_unit_test(a_variance_that_is_none_never_looks_like_certainty),
         cmocka_unit_test(a_correlation_that_is_nearly_one_is_none_that_is),
         cmocka_unit_test(a_place_out_of_the_range_of_its_frame_is_not_sent),

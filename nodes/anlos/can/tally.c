@@ -215,6 +215,8 @@ static bool belongs(const struct lists *l, enum can_id id, const struct can_fram
                o.counter == (l->header.counter & 15);
     case CAN_ID_OBJECT_QUALITY:
         return !can_unpack_object_quality(f, &o) && o.counter == (l->header.counter & 15);
+    case CAN_ID_OBJECT_MOTION: /* optional: a list is whole without */
+        return !can_unpack_object_motion(f, &o) && o.counter == (l->header.counter & 15);
     case CAN_ID_OBJECT_FD:
         return !can_unpack_object_fd(f, &o) && o.counter == l->header.counter;
     default:
