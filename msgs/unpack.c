@@ -6,6 +6,7 @@
 #include <stdlib.h>
 
 #include "msgs/bag/bytes.h"
+#include "msgs/shuffle.h"
 
 #define FIELD_BYTES   40 /* of protobuf-c's list of what it found */
 #define UNKNOWN_BYTES 32 /* of a field that the schema does not know */
@@ -151,5 +152,10 @@ ProtobufCMessage *message_unpack(const ProtobufCMessageDescriptor *schema, size_
     ProtobufCMessage *m = protobuf_c_message_unpack(schema, &heap, size, data);
     if (!m)
         errno = failed ? ENOMEM : EBADMSG;
+    else if (message_unshuffle(m)) {
+        protobuf_c_message_free_unpacked(m, NULL);
+        m = NULL;
+        errno = ENOMEM;
+    }
     return m;
 }

@@ -14,9 +14,9 @@
 /* The memory that a message may take: 4 times its bytes, and this. */
 #define UNPACK_SPARE_BYTES ((size_t)16 << 20)
 
-/* NULL, and errno: EBADMSG (it is not one by the schema, or would take too much memory),
- * ENOMEM (there is none).  Free the result with protobuf_c_message_free_unpacked(m,
- * NULL). */
+/* Tensors that were shuffled for a bag are float32 again (msgs/shuffle.h).  NULL, and
+ * errno: EBADMSG (it is not one by the schema, or would take too much memory), ENOMEM
+ * (there is none).  Free the result with protobuf_c_message_free_unpacked(m, NULL). */
 ProtobufCMessage *message_unpack(const ProtobufCMessageDescriptor *schema, size_t size,
                                  const uint8_t *data);
 

@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "msgs/bag/schemas.h"
+#include "msgs/shuffle.h"
 
 #define NUMBER_SIZE 24 /* digits of an int64 */
 
@@ -23,6 +24,8 @@ struct bag_topics {
     const struct topic **schemas; /* [n_schemas]: the first topic that has it */
     uint16_t *schema_ids;         /* [n_schemas] */
     size_t n_schemas;
+    bool shuffles;
+    struct bytes_buffer shuffled;
 };
 
 int bag_topics_create(struct bag_topics **out, struct bag_writer *w)
@@ -52,7 +55,18 @@ void bag_topics_destroy(struct bag_topics *t)
     free(t->channels);
     free(t->schemas);
     free(t->schema_ids);
+    bytes_free(&t->shuffled);
     free(t);
+}
+
+void bag_topics_shuffle(struct bag_topics *t)
+{
+    t->shuffles = true;
+}
+
+bool bag_topic_is_shuffled(const struct topic *topic)
+{
+    return topic == topic_ping() || topic == topic_volume();
 }
 
 /* Topics may share a schema. */
@@ -155,6 +169,10 @@ int bag_topics_put(struct bag_topics *t, const struct envelope *e, const void *p
     bag_source_from(&source, &m, e, payload);
     if (!source.topic)
         return error_say(why, -EINVAL, "%s: no such topic", e->topic);
+    /* What is none of its schema is kept as it came. */
+    if (t->shuffles && bag_topic_is_shuffled(source.topic) &&
+        !payload_shuffle(&t->shuffled, source.topic->schema, m.data, true))
+        m.data = bytes_in(&t->shuffled);
     int err = find_channel(t, &source, &m.channel_id, why);
     if (err)
         return err;

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /* msgs/bag/topic_message.h -- a message of the bus as a message of a bag and back,
- * without loss: what comes out of a bag is, byte for byte, what went over the bus.
+ * without loss: what comes out of a bag is, byte for byte, what went over the bus, but
+ * for the order of the bytes in what was shuffled (msgs/shuffle.h).
  *
  *   envelope      in the bag
  *   topic         the channel's topic
@@ -33,6 +34,13 @@ struct bag_topics; /* the channels of a bag that is being written */
 
 /* The writer outlives it.  0, -ENOMEM. */
 int bag_topics_create(struct bag_topics **out, struct bag_writer *w);
+
+/* From now on sound and images are shuffled (msgs/shuffle.h), for the compression of the
+ * writer's chunks: what is read of the bag is the same. */
+void bag_topics_shuffle(struct bag_topics *t);
+
+/* Does bag_topics_shuffle change its messages? */
+bool bag_topic_is_shuffled(const struct topic *topic);
 
 /* Writes a message whose envelope names a topic of msgs/topics.h; the payload has
  * e->payload_size bytes.  *channel_id: the one it is in; may be NULL.  0, -EINVAL (no

@@ -186,6 +186,8 @@ static int open_part(struct recorder *r, int64_t now_ns, struct error *why)
 
     if (!err && bag_topics_create(&r->topics, r->writer))
         err = error_say(why, -ENOMEM, "out of memory");
+    if (!err && r->cfg.shuffle)
+        bag_topics_shuffle(r->topics);
     if (!err)
         err = session_write(r->cfg.session, r->parts.n, now_ns, r->writer, why);
     if (!err)

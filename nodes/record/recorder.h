@@ -31,6 +31,7 @@ struct recorder_config {
     uint64_t quota_bytes; /* of all files; 0: none */
     int64_t flush_ns;     /* what is older is on the disk */
     enum bag_compression compression;
+    bool shuffle;                  /* msgs/shuffle.h, of sound and images */
     const struct session *session; /* outlives the recorder */
     void (*say)(void *context, enum log_level level, const char *text);
     void *context;

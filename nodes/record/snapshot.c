@@ -234,6 +234,7 @@ static int begin_bag(struct snapshot *s, const struct wish *w)
                                         .n_topics = s->cfg.n_topics,
                                         .flush_ns = FLUSH_NS,
                                         .compression = s->cfg.compression,
+                                        .shuffle = s->cfg.shuffle,
                                         .session = s->cfg.session,
                                         .say = s->cfg.say,
                                         .context = s->cfg.context};

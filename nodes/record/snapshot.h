@@ -36,6 +36,7 @@ struct snapshot_config {
     const struct topic *const *topics; /* [n_topics] that bags have */
     size_t n_topics;
     enum bag_compression compression;
+    bool shuffle;                  /* msgs/shuffle.h, of sound and images */
     const struct session *session; /* outlives it */
     void (*say)(void *context, enum log_level level, const char *text);
     void *context;

@@ -115,6 +115,7 @@ struct launchfile {
         char *topics, *exclude; /* patterns with commas between; default "*" and "" */
         unsigned split_mb, split_s, quota_mb; /* 0: none */
         enum bag_compression compression;     /* default none */
+        bool shuffle;                         /* msgs/shuffle.h; default no */
         unsigned flush_ms;                    /* default 1000 */
         struct {
             char *folder; /* of bags of the last seconds; NULL: none are kept */

@@ -510,6 +510,11 @@ int launchfile_copy_record(struct launchfile *l, const struct launch_text *t,
                              bytes_of(strcmp(compression, "none") ? compression : "")))
         return yaml_error_say(why, -EINVAL, l->path, "record.compression",
                               "expected none, lz4 or zstd, not %s", compression);
+    l->record.shuffle = r->shuffle && *r->shuffle;
+    if (l->record.shuffle && l->record.compression == BAG_NONE)
+        return yaml_error_say(why, -EINVAL, l->path, "record.shuffle",
+                              "shuffled sound is for a compression: set "
+                              "record.compression to zstd or lz4");
     l->record.path = copy_text(path, "");
     l->record.topics = copy_text(r->topics, "*");
     l->record.exclude = copy_text(r->exclude, "");

@@ -171,6 +171,7 @@ static const cyaml_schema_field_t record_fields[] = {
     RECORD_COUNT(quota_mb),
     RECORD_COUNT(flush_ms),
     RECORD_TEXT(compression),
+    CYAML_FIELD_BOOL_PTR("shuffle", OPTIONAL, struct launch_text_record, shuffle),
     CYAML_FIELD_MAPPING("snapshot", OPTIONAL, struct launch_text_record, snapshot,
                         snapshot_fields),
     CYAML_FIELD_END};

@@ -108,6 +108,7 @@ struct launch_text_snapshot {
 struct launch_text_record {
     char *path, *topics, *exclude, *compression;
     unsigned *split_mb, *split_s, *quota_mb, *flush_ms;
+    bool *shuffle;
     struct launch_text_snapshot snapshot;
 };
 

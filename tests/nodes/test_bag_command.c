@@ -219,6 +219,37 @@ static void parts_of_a_bag_merge_into_the_whole(void **state)
     assert_no_leftovers();
 }
 
+static long size_of(const char *name)
+{
+    size_t size;
+
+    free(slurp(name, &size));
+    return (long)size;
+}
+
+static void shuffled_sound_is_smaller_and_the_same_to_who_reads_it(void **state)
+{
+    (void)state;
+    if (bag("filter", recorded_bag, "-o", in_folder("kept.mcap")) ||
+        bag("filter", recorded_bag, "-o", in_folder("shuffled.mcap"), "--shuffle") ||
+        bag("filter", in_folder("shuffled.mcap"), "-o", in_folder("still.mcap")) ||
+        bag("merge", in_folder("still.mcap"), "-o", in_folder("plain.mcap"), "--plain"))
+        fail_msg("%s", result.err);
+    assert_true(size_of("shuffled.mcap") < 0.95 * (double)size_of("kept.mcap"));
+    assert_same("shuffled.mcap", "still.mcap");
+    assert_same("kept.mcap", "plain.mcap");
+    assert_int_equal(bag("check", in_folder("shuffled.mcap")), 0);
+    export_lines_of("kept.mcap", "kept.json");
+    export_lines_of("shuffled.mcap", "shuffled.json");
+    assert_same("kept.json", "shuffled.json");
+    if (bag("export", in_folder("shuffled.mcap"), "--format", "wav", "-o",
+            in_folder("unshuffled")) ||
+        bag("import", in_folder("unshuffled"), "-o", in_folder("back.mcap")))
+        fail_msg("%s", result.err);
+    assert_same("r.mcap", "back.mcap");
+    assert_no_leftovers();
+}
+
 static void topics_are_filtered_by_name_and_pattern(void **state)
 {
     (void)state;
@@ -870,6 +901,7 @@ static void wrong_arguments_are_refused(void **state)
         {{"merge", "-o", "b"}, "FILE is missing"},
         {{"merge", "a", "-o", "b", "--compression"}, "expected a value"},
         {{"filter", "a", "--start", "-1"}, "--start -1: expected seconds"},
+        {{"merge", "a", "--shuffle", "--compression", "none"}, "--shuffle: is for"},
         {{"export", "a", "-o", "b"}, "--format is missing"},
         {{"export", "a", "--format", "mp3"}, "--format mp3: expected wav"},
         {{"import", "-o", "b"}, "FOLDER or FILE.mat is missing"},
@@ -914,6 +946,7 @@ int main(void)
         cmocka_unit_test(a_recording_without_ids_is_taken_with_the_survey_that_it_has),
         cmocka_unit_test(info_tells_what_is_there),
         cmocka_unit_test(parts_of_a_bag_merge_into_the_whole),
+        cmocka_unit_test(shuffled_sound_is_smaller_and_the_same_to_who_reads_it),
         cmocka_unit_test(topics_are_filtered_by_name_and_pattern),
         cmocka_unit_test(lines_go_to_stdout_too),
         cmocka_unit_test(topics_named_one_by_one_are_all_taken),

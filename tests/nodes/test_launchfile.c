@@ -204,6 +204,12 @@ static void a_recorder_has_its_section(void **state)
                    ":2: record.flush_ms: expected 1 to 3600000, not 0");
     assert_refused(*state, "nodes: [can]\nrecord: {compression: zip}\n",
                    ":2: record.compression: expected none, lz4 or zstd, not zip");
+    assert_refused(*state, "nodes: [can]\nrecord: {shuffle: true}\n",
+                   ":2: record.shuffle: shuffled sound is for a compression: set "
+                   "record.compression to zstd or lz4");
+    l = launch_load(*state, "nodes: [can]\nrecord: {shuffle: true, compression: lz4}\n");
+    assert_true(l->record.shuffle);
+    launchfile_destroy(l);
     assert_refused(*state, "nodes: [can]\nrecord: {quota_mb: 10, split_mb: 6}\n",
                    ":2: record.split_mb: expected no more than half of quota_mb");
     launchfile_destroy(

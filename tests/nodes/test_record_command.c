@@ -389,6 +389,7 @@ static void wrong_arguments_are_named(void **state)
         {{"-o", "a", "--flush-ms", "-3"}, "--flush-ms -3: expected a number above 0"},
         {{"-o", "a", "--duration-s", "long"}, "--duration-s long: expected"},
         {{"-o", "a", "--compression", "zip"}, "expected zstd, lz4 or none"},
+        {{"-o", "a", "--shuffle"}, "--shuffle: is for --compression zstd or lz4"},
         {{"-o", "a", "--splitmb", "3"}, "did you mean --split-mb?"},
         {{"-o", "/no/such/folder/a"}, "/no/such/folder/a: No such file or directory"},
         {{"-o", "a", "--launch", "none.yaml"}, "none.yaml"},

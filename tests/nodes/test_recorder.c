@@ -16,9 +16,10 @@ static void every_message_is_kept_with_its_bytes_and_stamps(void **state)
     struct rig *g = *state;
     struct recorder_config cfg = config(g);
 
-    for (size_t k = 0; k < 3; k++) {
+    for (size_t k = 0; k < 4; k++) {
         struct recorder_totals t;
-        cfg.compression = compressions[k];
+        cfg.compression = compressions[k < 3 ? k : 2];
+        cfg.shuffle = k == 3; /* what is not of its schema is kept as it is */
         struct recorder *r = start(&cfg);
         for (size_t i = 0; i < 300; i++)
             put_at(r, i, (int64_t)i * MS);
@@ -246,7 +247,7 @@ static void a_file_that_may_not_grow_ends_it_likewise(void **state)
     struct rig *g = *state;
 
     assert_int_equal(run_child(g, fill_limit), 0);
-    assert_in_range(check_bag(g->bag, 0), 1000, 3000); /* of 550 bytes in 1 MB */
+    assert_in_range(check_bag(g->bag, 0), 900, 3000); /* of some 550 bytes in 1 MB */
 }
 
 static void a_file_that_is_there_is_never_written_over(void **state)

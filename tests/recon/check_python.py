@@ -156,6 +156,7 @@ class Bags(unittest.TestCase):
         for how in ("zstd", "lz4", "none"):
             run("bag", "import", at + "/scene", "--survey", at + "/survey.yaml", "--background",
                 at + "/background", "-o", f"{at}/{how}.mcap", "--compression", how)
+        run("bag", "filter", at + "/zstd.mcap", "-o", at + "/shuffled.mcap", "--shuffle")
         run("recon", "--bag", at + "/zstd.mcap", "--out", at + "/image", "--record")
         cls.lists = anlos.Bag(at + "/image/lists.mcap")
 
@@ -165,7 +166,7 @@ class Bags(unittest.TestCase):
 
     def test_pings_are_the_sound_of_the_recording_however_it_is_packed(self):
         survey = anlos.Survey.load(self.at + "/survey.yaml")
-        for how in ("zstd", "lz4", "none"):
+        for how in ("zstd", "lz4", "none", "shuffled"):
             bag = anlos.Bag(f"{self.at}/{how}.mcap")
             self.assertEqual(bag.topics["ping"], 48)  # the background first
             pings = list(bag.messages("ping"))

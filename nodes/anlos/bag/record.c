@@ -46,6 +46,7 @@ struct record_options {
     bool no_faults;
     double duration_s; /* INFINITY: until Ctrl-C */
     enum bag_compression compression;
+    bool shuffle;
 };
 
 #define CLEAR_LINE "\r\033[K"
@@ -225,6 +226,7 @@ static int open_recorder(struct job *j, struct error *why)
         .quota_bytes = (uint64_t)(1e6 * o->quota_mb),
         .flush_ns = (int64_t)(1e6 * o->flush_ms),
         .compression = o->compression,
+        .shuffle = o->shuffle,
         .session = &j->session,
         .say = record_show_text,
         .context = &j->show,
@@ -245,6 +247,7 @@ static int open_snapshot(struct job *j, struct error *why)
         .topics = j->choice.topics,
         .n_topics = j->choice.n,
         .compression = o->compression,
+        .shuffle = o->shuffle,
         .session = &j->session,
         .say = record_show_text,
         .context = &j->show,
@@ -424,6 +427,8 @@ static const char help[] =
     "  --quota-mb N      keeps the files of this recording within N MB: the oldest go;\n"
     "                    without --split-mb each has an eighth of that\n"
     "  --compression C   none (default), lz4 or zstd\n"
+    "  --shuffle         with it, sound and images go byte by byte: half of what a\n"
+    "                    sound card gives is left; programs of before cannot read it\n"
     "  --flush-ms MS     a message is on the disk after that long at the latest; "
     "default\n"
     "                    1000\n"
@@ -464,6 +469,7 @@ static const struct option options[] = {
     {"split-s", required_argument, NULL, 's'},
     {"quota-mb", required_argument, NULL, 'q'},
     {"compression", required_argument, NULL, 'c'},
+    {"shuffle", no_argument, NULL, 'u'},
     {"flush-ms", required_argument, NULL, 'f'},
     {"snapshot", required_argument, NULL, 'S'},
     {"before-s", required_argument, NULL, 'b'},
@@ -503,6 +509,9 @@ static int take_option(struct record_options *o, int code)
         return take_number("quota-mb", 1e9, &o->quota_mb);
     case 'c':
         return verb_take_compression("bag record", optarg, &o->compression);
+    case 'u':
+        o->shuffle = true;
+        return 0;
     case 'f':
         return take_number("flush-ms", 3600e3, &o->flush_ms);
     case 'S':
@@ -586,5 +595,7 @@ int bag_record(int argc, char **argv)
         return usage_error("bag record",
                            "--split-mb %g: expected no more than half of --quota-mb %g",
                            o.split_mb, o.quota_mb);
+    if (o.shuffle && o.compression == BAG_NONE)
+        return usage_error("bag record", "--shuffle: is for --compression zstd or lz4");
     return run(&o, argv + optind, argc - optind);
 }

@@ -10,6 +10,8 @@
 
 #include "msgs/bag/copy.h"
 #include "msgs/bag/cursor.h"
+#include "msgs/bag/topic_message.h"
+#include "msgs/shuffle.h"
 #include "nodes/anlos/bag/bag.h"
 #include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/usage.h"
@@ -26,6 +28,7 @@ struct run {
     struct input *inputs;          /* [n_files] */
     struct bag_writer *writer;
     struct bag_copy *copy;
+    struct bytes_buffer reordered;
     uint64_t from, to; /* log times */
 };
 
@@ -114,6 +117,30 @@ static size_t first_input(const struct run *r)
     return best;
 }
 
+/* Sound or an image that a recorder of ours wrote; NULL: it is none. */
+static const struct topic *shuffled_topic(const struct run *r, size_t i)
+{
+    const struct bag_channel *h =
+        bag_catalog_channel(r->catalogs[i], r->inputs[i].next.channel_id);
+    struct bag_source source;
+
+    return h && !bag_source_of(&source, h) && bag_topic_is_shuffled(source.topic)
+               ? source.topic
+               : NULL;
+}
+
+/* What is none of its schema is kept as it is. */
+static int copy_message(struct run *r, size_t i, struct error *why)
+{
+    struct bag_message m = r->inputs[i].next;
+    const enum selection_order order = r->selection->order;
+    const struct topic *t = order == ORDER_KEPT ? NULL : shuffled_topic(r, i);
+
+    if (t && !payload_shuffle(&r->reordered, t->schema, m.data, order == ORDER_SHUFFLED))
+        m.data = bytes_in(&r->reordered);
+    return bag_copy_message(r->copy, i, &m, why);
+}
+
 static int copy_all(struct run *r, struct selection_result *out, struct error *why)
 {
     int err = 0;
@@ -128,7 +155,7 @@ static int copy_all(struct run *r, struct selection_result *out, struct error *w
             return 0;
         if (interrupt_requested())
             return error_say(why, -EINTR, "interrupted");
-        err = bag_copy_message(r->copy, i, &r->inputs[i].next, why);
+        err = copy_message(r, i, why);
         out->n_written += !err;
         if (!err)
             err = advance(&r->inputs[i], why);
@@ -180,6 +207,7 @@ int selection_write(const struct selection *s, struct selection_result *out,
         err = write_bag(&r, out, why);
     }
     bag_copy_destroy(r.copy);
+    bytes_free(&r.reordered);
     for (size_t i = 0; i < s->n_files; i++) {
         if (r.inputs)
             bag_cursor_destroy(r.inputs[i].cursor);
@@ -197,7 +225,7 @@ int selection_write(const struct selection *s, struct selection_result *out,
 static const char merge_help[] =
     "anlos bag merge -- several bags into one\n"
     "\n"
-    "usage: anlos bag merge FILE... -o OUT [--compression C]\n"
+    "usage: anlos bag merge FILE... -o OUT [--compression C] [--shuffle | --plain]\n"
     "\n"
     "Messages come in the order of their times; attachments and metadata that are the "
     "same\n"
@@ -205,6 +233,9 @@ static const char merge_help[] =
     "\n"
     "  -o, --out OUT     the new bag; must not be there\n"
     "  --compression C   zstd (default), lz4 or none\n"
+    "  --shuffle         sound and images byte by byte, of which more is compressed;\n"
+    "                    programs of before cannot read them\n"
+    "  --plain           and back: as every program can\n"
     "  --help            this text\n"
     "\n"
     "exit codes: 0 done; 1 failed; 2 bad arguments or files; 130 stopped by Ctrl-C (no "
@@ -212,10 +243,9 @@ static const char merge_help[] =
     "then)\n";
 
 static const struct option merge_options[] = {
-    {"out", required_argument, NULL, 'o'},
-    {"compression", required_argument, NULL, 'c'},
-    {"help", no_argument, NULL, 'h'},
-    {NULL, 0, NULL, 0},
+    {"out", required_argument, NULL, 'o'}, {"compression", required_argument, NULL, 'c'},
+    {"shuffle", no_argument, NULL, 'u'},   {"plain", no_argument, NULL, 'p'},
+    {"help", no_argument, NULL, 'h'},      {NULL, 0, NULL, 0},
 };
 
 static const char filter_help[] =
@@ -223,7 +253,7 @@ static const char filter_help[] =
     "\n"
     "usage: anlos bag filter FILE -o OUT [--topics T] [--exclude T] [--start S] [--end "
     "S]\n"
-    "                        [--compression C]\n"
+    "                        [--compression C] [--shuffle | --plain]\n"
     "\n"
     "  -o, --out OUT     the new bag; must not be there\n"
     "  --topics T        only these: names or patterns with commas between, "
@@ -232,6 +262,9 @@ static const char filter_help[] =
     "  --start S         from S seconds after the first message on\n"
     "  --end S           up to S seconds after the first message\n"
     "  --compression C   zstd (default), lz4 or none\n"
+    "  --shuffle         sound and images byte by byte, of which more is compressed;\n"
+    "                    programs of before cannot read them\n"
+    "  --plain           and back: as every program can\n"
     "  --help            this text\n"
     "\n"
     "Attachments and metadata stay.\n"
@@ -250,6 +283,8 @@ static const struct option filter_options[] = {
     {"start", required_argument, NULL, 's'},
     {"end", required_argument, NULL, 'e'},
     {"compression", required_argument, NULL, 'c'},
+    {"shuffle", no_argument, NULL, 'u'},
+    {"plain", no_argument, NULL, 'p'},
     {"help", no_argument, NULL, 'h'},
     {NULL, 0, NULL, 0},
 };
@@ -275,6 +310,12 @@ static int take_option(const char *command, struct selection *s, int code)
         return take_seconds(command, "end", &s->end_s);
     case 'c':
         return verb_take_compression(command, optarg, &s->compression);
+    case 'u':
+        s->order = ORDER_SHUFFLED;
+        return 0;
+    case 'p':
+        s->order = ORDER_PLAIN;
+        return 0;
     default:
         s->out = optarg;
         return 0;
@@ -290,6 +331,8 @@ static int read_arguments(struct usage *u, struct selection *s, int argc, char *
     while ((code = usage_next(u, argc, argv)) > 0)
         if ((code = take_option(u->command, s, code)) != 0)
             return ~code;
+    if (!code && s->order == ORDER_SHUFFLED && s->compression == BAG_NONE)
+        return ~usage_error(u->command, "--shuffle: is for --compression zstd or lz4");
     s->files = argv + optind;
     s->n_files = (size_t)(argc - optind);
     return code;

@@ -14,6 +14,7 @@ import numpy
 _MAGIC = b"\x89MCAP0\r\n"
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _CHUNK_INDEX, _STATISTICS = 2, 3, 4, 5, 6, 8, 11
 _TENSORS = {"FLOAT32": numpy.dtype("<f4"), "COMPLEX64": numpy.dtype("<c8")}
+_SHUFFLED = {3: 0.0, 4: 2.0**15, 5: 2.0**23, 6: 2.0**31}  # steps in 1.0
 _FOOTER_SIZE = 1 + 8 + 20 + len(_MAGIC)
 
 
@@ -149,7 +150,19 @@ def _message(channel: _Channel, sequence: int, publish_ns: int, capture_ns: int,
                    channel.message.FromString(content) if channel.message else content)
 
 
+def _unshuffled(data: bytes, steps: float) -> numpy.ndarray:
+    """msgs/shuffle.h: byte 0 of all elements, then byte 1, 2, 3; of whole numbers, zigzag, of
+    which `steps` are 1.0, or of the bits of a float, the sign last (steps 0)."""
+    u = numpy.frombuffer(data, numpy.uint8).reshape(4, -1).T.copy().view("<u4")[:, 0]
+    if not steps:
+        return (u >> 1 | u << 31).view("<f4")
+    whole = (u >> 1).view("<i4") ^ -(u & 1).astype("<i4")
+    return whole.astype("<f4") / numpy.float32(steps)
+
+
 def _tensor(t) -> Optional[numpy.ndarray]:
+    if t.type in _SHUFFLED:  # by number: the bag may have the schema of before
+        return _unshuffled(t.data, _SHUFFLED[t.type]).reshape(tuple(t.shape))
     kind = _TENSORS.get(t.DESCRIPTOR.enum_types_by_name["Type"].values_by_number[t.type].name)
     return None if kind is None else numpy.frombuffer(t.data, kind).reshape(tuple(t.shape))
 
