@@ -14,6 +14,7 @@ for tool in cpack dpkg dpkg-shlibdeps help2man lintian man pkg-config /usr/bin/p
         exit 77
     fi
 done
+export SOURCE_DATE_EPOCH=1700000000
 cpack --config "$build/CPackConfig.cmake" -B "$work" >"$work/cpack.log" 2>&1 ||
     { cat "$work/cpack.log" && exit 1; }
 packages=("$work"/*.deb)
@@ -41,6 +42,29 @@ test_packages_install() {
     output=$said code=$installed
     expect_code 0
     [ -d "$system/etc/anlos" ] || complain "there is no /etc/anlos"
+}
+
+# The same compiler and settings, in a folder of another depth.
+test_a_rebuild_elsewhere_gives_the_same_packages() {
+    local elsewhere=$work/some/where/else settings package
+    if grep -q '^CMAKE_C_COMPILER_LAUNCHER:.*=.' "$build/CMakeCache.txt"; then
+        echo "not rebuilt: built by way of a launcher, which may name files otherwise"
+        return
+    fi
+    mapfile -t settings < <(grep -E '^(CMAKE_(BUILD_TYPE|C_COMPILER|C_FLAGS)|ANLOS_WERROR):' \
+        "$build/CMakeCache.txt" | sed 's/^/-D/')
+    run cmake -S "$root" -B "$elsewhere" -DANLOS_TESTS=OFF "${settings[@]}"
+    expect_code 0
+    run cmake --build "$elsewhere" --parallel 2
+    expect_code 0
+    run cpack --config "$elsewhere/CPackConfig.cmake" -B "$elsewhere/packages"
+    expect_code 0
+    [ ${#packages[@]} = 5 ] || complain "expected five packages"
+    for package in "${packages[@]}"; do
+        run cmp "$package" "$elsewhere/packages/${package##*/}"
+        expect_code 0
+    done
+    rm -rf "$work/some"
 }
 
 test_lintian_finds_no_error() {
