@@ -24,9 +24,10 @@ static const char help[] =
     "by slice, the hidden objects on a plan with vehicle and walls, tracks with where "
     "they\n"
     "were and how they move, what the vehicle is told of the sensor, the level of each\n"
-    "channel, the scan, the nodes and their log.  It may be started before the system "
-    "and\n"
-    "outlive it.  Foxglove connects to the same port (ws://127.0.0.1:8765).\n"
+    "channel, signal to noise, latency and the number of objects over time, the scan, "
+    "the\n"
+    "nodes and their log.  It may be started before the system and outlive it.  Foxglove "
+    "connects to the same port (ws://127.0.0.1:8765).\n"
     "\n"
     "  --bag FILE     a recording: the page has a timeline, and shows the state at any\n"
     "                 time of it; several pages show the same time\n"
@@ -35,13 +36,16 @@ static const char help[] =
     "                 0.0.0.0: everybody on the network does, without a password\n"
     "  --save         the page gets a button that saves the last 30 s, of a recorder "
     "that\n"
-    "                 keeps them (anlos launch --snapshot); else it only reads\n"
+    "                 keeps them (anlos launch --snapshot); of a bag, one for "
+    "bookmarks,\n"
+    "                 which are kept beside it, in FILE.bookmarks; else it only reads\n"
     "  --run-dir DIR  where the system's sockets are, default $XDG_RUNTIME_DIR/anlos, "
     "else\n"
     "                 /tmp/anlos-UID\n"
     "  --help         this text\n"
     "\n"
-    "Writes no files.  A launch file starts it with the system: nodes: [..., view].\n"
+    "Writes no files but bookmarks.  A launch file starts it with the system: nodes:\n"
+    "[..., view].\n"
     "\n"
     "examples\n"
     "  anlos view\n"
@@ -209,9 +213,7 @@ int command_view(int argc, char **argv)
     if (optind < argc)
         return usage_error("view", "%s: expected options only; a bag is named by --bag",
                            argv[optind]);
-    if (saves && cfg.bag)
-        return usage_error("view",
-                           "--save: a bag is there already; expected without --bag");
+    cfg.may_mark = saves;
     interrupt_catch();
-    return serve(&cfg, run_dir, saves);
+    return serve(&cfg, run_dir, saves && !cfg.bag);
 }

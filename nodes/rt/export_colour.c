@@ -31,7 +31,8 @@ void colour_at(double t, double rgb[3])
     }
 }
 
-int colour_full_scale(double *out, const float *intensity, size_t n, double brightest)
+int colour_full_scale(double *out, double *noise, const float *intensity, size_t n,
+                      double brightest)
 {
     size_t step = n / MOST_SAMPLES + 1, taken = 0, kept = 0;
     float *list = malloc((n / step + 1) * sizeof *list);
@@ -44,6 +45,8 @@ int colour_full_scale(double *out, const float *intensity, size_t n, double brig
     double median = 2 * kept > taken ? (double)rank_smallest(list, kept, kept / 2 + 1)
                                      : 0.0;
     free(list);
+    if (noise)
+        *noise = median;
     *out = fmax(brightest, median * pow(10.0, 0.1 * STANDS_OUT_DB));
     return 0;
 }

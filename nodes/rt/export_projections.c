@@ -76,7 +76,7 @@ static cairo_surface_t *draw(const struct view *view, double fineness,
         }
         double full, brightest = plot.peak * plot.peak;
         plot.marks = marks;
-        if (!colour_full_scale(&full, intensity, grid_size(grid), brightest)) {
+        if (!colour_full_scale(&full, NULL, intensity, grid_size(grid), brightest)) {
             plot.peak = sqrt(full);
             surface = plot_draw(&plot);
         }

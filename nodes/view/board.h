@@ -36,6 +36,7 @@ enum board_subject {
     BOARD_NODES,
     BOARD_WALLS,
     BOARD_OBJECTS,
+    BOARD_HISTORY,
     BOARD_RECORD,
     BOARD_LEVELS,
     BOARD_LOG,

@@ -22,9 +22,10 @@ static int open_viewer(struct viewer **out, struct node *node, struct error *why
                                       .address = l->view.address,
                                       .port = l->view.port,
                                       .bag = l->view.bag,
+                                      .may_mark = l->view.save,
                                       .run_dir = node_run_dir(node),
                                       .now_ns = node_machine_ns(node),
-                                      .save = l->view.save ? save : NULL,
+                                      .save = l->view.save && !l->view.bag ? save : NULL,
                                       .save_ctx = node,
                                       .log = log_connection,
                                       .log_ctx = node};

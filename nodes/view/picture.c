@@ -120,11 +120,13 @@ int picture_create(struct picture *out, const struct grid *grid, const float *in
     float peak = find_peak(intensity, n);
     double full = 0.0;
     /* Below that the quotient overflows: nothing there is an image. */
-    if (peak >= FLT_MIN && colour_full_scale(&full, intensity, n, (double)peak)) {
+    if (peak >= FLT_MIN &&
+        colour_full_scale(&full, &out->noise, intensity, n, (double)peak)) {
         picture_clear(out);
         return -ENOMEM;
     }
     out->peak = fmin(full, FLT_MAX);
+    out->brightest = peak >= FLT_MIN ? (double)peak : 0.0;
     quantize(intensity, n, out->peak > 0.0 ? (float)(1.0 / out->peak) : 0.0f, out->level);
     project(out);
     return 0;

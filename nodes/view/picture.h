@@ -17,6 +17,8 @@ struct picture {
     struct grid grid;
     double peak;                        /* intensity of level 255: full scale, as of
                                          * pictures in files; 0: all is dark */
+    double brightest, noise;            /* intensities: what is brightest, up to peak, and
+                                         * the median; 0: not known */
     uint8_t *level;                     /* [nz][ny][nx] */
     uint8_t *projection[PICTURE_SIDES]; /* maxima: [ny][nx], [nz][nx], [nz][ny] */
 };

@@ -8,16 +8,24 @@
 
 struct player;
 
-/* The player's thread is the one that the view takes messages from; the view outlives it.
+/* may_mark: pages may change the bag's bookmarks (nodes/view/bookmarks.h), which they see
+ * in any case, with the moment at which the bag was saved, where it is one of the last
+ * seconds.
+ *
+ * The player's thread is the one that the view takes messages from; the view outlives it.
  * tell is called with every message that is shown, also by that thread.  It starts at the
  * end of the bag, where the results are.  0, errors as timeline_open. */
-int player_create(struct player **out, const char *path, struct view *view,
+int player_create(struct player **out, const char *path, bool may_mark, struct view *view,
                   struct error *why);
 int player_start(struct player *p, void (*tell)(void *ctx, const struct view_message *m),
                  void *ctx); /* 0, -EAGAIN */
 
 /* Any thread; of several requests that wait, the last one counts. */
 void player_seek(void *player, double seconds);
+
+/* A bookmark at a time; name NULL: the one that is there goes.  Any thread.  What cannot
+ * be done the pages are told. */
+void player_mark(void *player, double at_s, const char *name);
 
 /* A sign of life for the pages, however long the player reads.  Any thread. */
 void player_beat(struct player *p);

@@ -6,6 +6,7 @@
 #include <jansson.h>
 #include <math.h>
 #include <stddef.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
@@ -23,7 +24,8 @@ struct live_config {
     struct view *view;
     const char *address;                     /* outlives it; for guard_host */
     void (*seek)(void *ctx, double seconds); /* NULL: there is no bag */
-    void *seek_ctx;
+    void (*mark)(void *ctx, double seconds, const char *name);
+    void *bag_ctx;
     void (*save)(void *ctx); /* NULL: pages only read */
     void *save_ctx;
 };
@@ -72,10 +74,27 @@ bool guard_origin(const char *origin, const char *host)
 
 #define MOST_SLICES 100000000
 
+static int read_mark(struct request *out, const json_t *o)
+{
+    const json_t *mark = json_object_get(o, "mark"), *name = json_object_get(o, "name");
+    const char *text = json_string_value(name);
+    bool fits = !name ? json_object_size(o) == 1
+                      : json_object_size(o) == 2 && text && *text &&
+                            json_string_length(name) == strlen(text);
+
+    if (!json_is_number(mark) || !fits)
+        return -EINVAL;
+    *out = (struct request){.kind = REQUEST_MARK, .mark_s = json_number_value(mark)};
+    snprintf(out->name, sizeof out->name, "%s", text ? text : "");
+    return isfinite(out->mark_s) ? 0 : -EINVAL;
+}
+
 static int read(struct request *out, const json_t *o)
 {
     const json_t *slice = json_object_get(o, "slice"), *seek = json_object_get(o, "seek");
 
+    if (json_object_get(o, "mark"))
+        return read_mark(out, o);
     if (!json_is_object(o) || json_object_size(o) != 1)
         return -EINVAL;
     if (json_is_integer(slice)) {
@@ -145,7 +164,9 @@ static bool take_request(void *client, const void *data, size_t size, bool binar
     if (!data || binary || request_parse(&request, data, size))
         return false;
     if (request.kind == REQUEST_SEEK && cfg->seek) {
-        cfg->seek(cfg->seek_ctx, request.seek_s);
+        cfg->seek(cfg->bag_ctx, request.seek_s);
+    } else if (request.kind == REQUEST_MARK && cfg->mark) {
+        cfg->mark(cfg->bag_ctx, request.mark_s, request.name[0] ? request.name : NULL);
     } else if (request.kind == REQUEST_SAVE && cfg->save) {
         cfg->save(cfg->save_ctx);
     } else if (request.kind == REQUEST_SLICE) {
@@ -298,7 +319,8 @@ static int create_all(struct server *s, struct error *why)
     const struct live_config live = {.view = s->cfg.view,
                                      .address = s->cfg.address,
                                      .seek = s->cfg.seek,
-                                     .seek_ctx = s->cfg.seek_ctx,
+                                     .mark = s->cfg.mark,
+                                     .bag_ctx = s->cfg.bag_ctx,
                                      .save = s->cfg.save,
                                      .save_ctx = s->cfg.save_ctx};
     struct foxglove_config foxglove;

@@ -18,8 +18,10 @@ struct server_config {
     const char *address; /* an IP address; kept by the caller */
     unsigned port;       /* 0: any that is free */
     int64_t now_ns;
-    void (*seek)(void *ctx, double seconds); /* NULL: there is no bag */
-    void *seek_ctx;
+    /* Of a bag; NULL: there is none.  name NULL: the bookmark goes. */
+    void (*seek)(void *ctx, double seconds);
+    void (*mark)(void *ctx, double seconds, const char *name);
+    void *bag_ctx;
     void (*save)(void *ctx); /* NULL: pages only read */
     void *save_ctx;
     /* As of web_config. */
@@ -57,16 +59,18 @@ bool guard_origin(const char *origin, const char *host);
 
 /* What a page asks for: a JSON text of one key, {"slice": K}: the slice at depth index K
  * of the newest image; {"seek": S}: of a bag, the state S seconds after its start;
- * {"save": true}: a recorder's last seconds, as a bag. */
+ * {"save": true}: a recorder's last seconds, as a bag; {"mark": S, "name": "TEXT"}: of a
+ * bag, a bookmark there, and without a name, that the one there goes. */
 
 #define REQUEST_MAX_SIZE 256
 
-enum request_kind { REQUEST_SLICE, REQUEST_SEEK, REQUEST_SAVE };
+enum request_kind { REQUEST_SLICE, REQUEST_SEEK, REQUEST_SAVE, REQUEST_MARK };
 
 struct request {
     enum request_kind kind;
     size_t slice;
-    double seek_s;
+    double seek_s, mark_s;
+    char name[REQUEST_MAX_SIZE]; /* of a bookmark; empty: it goes */
 };
 
 /* data[size] need not end with a zero.  0, -EINVAL, -EMSGSIZE, -ENOMEM. */

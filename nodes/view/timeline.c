@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "msgs/bag/manifest.h"
 #include "msgs/unpack.h"
 #include "nodes/view/timeline_state.h"
 
@@ -104,8 +105,8 @@ json_t *timeline_images(const struct timeline *t)
     return some;
 }
 
-static void give(const struct held *h,
-                 void (*take)(void *ctx, const struct view_message *m), void *ctx)
+void timeline_give(const struct held *h,
+                   void (*take)(void *ctx, const struct view_message *m), void *ctx)
 {
     const struct topic *topic = h->source->topic;
 
@@ -154,7 +155,7 @@ static int give_all(const struct timeline *t,
     if (n)
         qsort(all, n, sizeof(const struct held *), compare);
     for (size_t i = 0; i < n; i++)
-        give(all[i], take, ctx);
+        timeline_give(all[i], take, ctx);
     free(all);
     return 0;
 }
@@ -184,6 +185,43 @@ int timeline_at(struct timeline *t, int64_t time_ns,
     return failed ? failed : err;
 }
 
+static void copy_bytes(char *out, size_t size, struct bytes from)
+{
+    size_t n = from.size < size ? from.size : size - 1;
+
+    memcpy(out, from.data, n);
+    out[n] = '\0';
+}
+
+bool timeline_saved(const struct timeline *t, int64_t *at_ns, char *reason, size_t size)
+{
+    const struct bag_catalog *c = t->catalog;
+    struct bytes_buffer bytes = {0};
+    struct bag_record r;
+    struct error why;
+    bool found = false;
+
+    for (size_t i = 0; i < c->n_metadata && !found; i++) {
+        struct bytes key, value;
+        if (bag_catalog_read(c, &c->metadata[i].record, &bytes, &r, &why) ||
+            !bytes_equal(r.metadata.name, bytes_of(MANIFEST_SNAPSHOT)))
+            continue;
+        snprintf(reason, size, "saved");
+        for (struct bytes map = r.metadata.metadata; bag_map_next(&map, &key, &value);) {
+            char number[24];
+            if (bytes_equal(key, bytes_of(MANIFEST_REASON)) && value.size)
+                copy_bytes(reason, size, value);
+            if (!bytes_equal(key, bytes_of(MANIFEST_AT_NS)))
+                continue;
+            copy_bytes(number, sizeof number, value);
+            *at_ns = strtoll(number, NULL, 10);
+            found = true;
+        }
+    }
+    bytes_free(&bytes);
+    return found;
+}
+
 void timeline_close(struct timeline *t)
 {
     if (!t)
@@ -194,6 +232,7 @@ void timeline_close(struct timeline *t)
         bytes_free(&t->several[i].payload);
     free(t->several);
     free(t->tracks);
+    bytes_free(&t->list.payload);
     bytes_free(&t->record);
     bytes_free(&t->records);
     free(t->unchecked);

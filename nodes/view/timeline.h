@@ -27,6 +27,17 @@ int timeline_at(struct timeline *t, int64_t time_ns,
                 void (*take)(void *ctx, const struct view_message *m), void *ctx,
                 struct error *why);
 
+/* Gives all lists of objects, a chunk after the other, and asks between them whether it
+ * should stop: it goes on from there when it is called again.  What is damaged is left
+ * out.  0, -EINTR, -ENOMEM. */
+int timeline_lists(struct timeline *t,
+                   void (*take)(void *ctx, const struct view_message *m),
+                   bool (*stop)(void *ctx), void *ctx);
+
+/* When the bag was asked for and why, where a recorder keeps the last seconds; false: it
+ * was recorded as a whole. */
+bool timeline_saved(const struct timeline *t, int64_t *at_ns, char *reason, size_t size);
+
 /* Are the chunks whole from which timeline_at has taken single messages?  Reads some MB
  * for each, and asks between them whether it should stop.  0, -EINTR, -EBADMSG and other
  * errors as bag_file_chunk. */

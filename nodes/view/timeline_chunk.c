@@ -246,3 +246,94 @@ int timeline_take_chunk(struct timeline *t, const struct bag_block *b, uint64_t 
     }
     return err;
 }
+
+/* A list of objects goes to take, anything else nowhere. */
+static int give_list(struct timeline *t, const struct bag_message *m,
+                     void (*take)(void *ctx, const struct view_message *m), void *ctx)
+{
+    const struct track *k = track_of(t, m->channel_id);
+
+    if (!k || k->source.topic != topic_detections())
+        return 0;
+    t->list.source = &k->source;
+    if (hold(&t->list, m))
+        return -ENOMEM;
+    timeline_give(&t->list, take, ctx);
+    return 0;
+}
+
+static int give_whole(struct timeline *t, const struct bag_block *b,
+                      void (*take)(void *ctx, const struct view_message *m), void *ctx)
+{
+    struct error why;
+    struct bag_record r;
+    int err = read_block(t, b, &r, &why);
+
+    if (err)
+        return err;
+    if (r.opcode == BAG_MESSAGE)
+        return give_list(t, &r.message, take, ctx);
+    struct bytes_cursor left = {.left = bytes_in(&t->records)};
+    while (!err && left.left.size && (err = bag_record_take(&left, &r)) != -EBADMSG)
+        err = !err && r.opcode == BAG_MESSAGE ? give_list(t, &r.message, take, ctx) : 0;
+    return err;
+}
+
+/* Those that one message index of a chunk names that is not compressed. */
+static int give_indexed(struct timeline *t, const struct bag_block *b, uint64_t index,
+                        void (*take)(void *ctx, const struct view_message *m), void *ctx)
+{
+    const struct bag_file *f = &t->catalog->file;
+    struct bytes_buffer record = {0};
+    struct error why;
+    struct bag_record r;
+    uint64_t time, place;
+    int err = bag_file_record(f, index, &record, &why);
+    struct bytes_cursor at = {.left = bytes_in(&record)};
+
+    if (!err && (bag_record_take(&at, &r) || r.opcode != BAG_MESSAGE_INDEX))
+        err = -EBADMSG;
+    while (!err && bag_list_next(&r.message_index.entries, 8, &time, &place)) {
+        struct bag_record m;
+        err = place < b->length
+                  ? bag_file_record(f, b->offset + CHUNK_HEAD + place, &t->record, &why)
+                  : -EBADMSG;
+        struct bytes_cursor message = {.left = bytes_in(&t->record)};
+        if (!err && !bag_record_take(&message, &m) && m.opcode == BAG_MESSAGE)
+            err = give_list(t, &m.message, take, ctx);
+    }
+    bytes_free(&record);
+    return err;
+}
+
+static int give_chunk(struct timeline *t, const struct bag_block *b,
+                      void (*take)(void *ctx, const struct view_message *m), void *ctx)
+{
+    struct bytes list = b->channels;
+    uint64_t id, index;
+    int err = 0;
+    bool plain = is_plain_chunk(t, b), any = !list.size;
+
+    while (!err && bag_list_next(&list, 2, &id, &index)) {
+        const struct track *k = track_of(t, id);
+        if (!k || k->source.topic != topic_detections())
+            continue;
+        any = true;
+        if (plain)
+            err = give_indexed(t, b, index, take, ctx);
+    }
+    return any && !plain ? give_whole(t, b, take, ctx) : err;
+}
+
+int timeline_lists(struct timeline *t,
+                   void (*take)(void *ctx, const struct view_message *m),
+                   bool (*stop)(void *ctx), void *ctx)
+{
+    for (; t->lists_next < t->catalog->n_blocks; t->lists_next++) {
+        if (stop(ctx))
+            return -EINTR;
+        if (give_chunk(t, &t->catalog->blocks[t->lists_next], take, ctx) == -ENOMEM)
+            return -ENOMEM;
+    }
+    return 0;
+}

@@ -34,7 +34,13 @@ struct timeline {
     const struct bag_block **unchecked; /* [n_unchecked] chunks of the place of which only
                                          * single messages were read; room for all */
     size_t n_unchecked;
+    size_t lists_next; /* the chunk with which timeline_lists goes on */
+    struct held list;
 };
+
+/* Unpacked, to take; not what is no message of its topic. */
+void timeline_give(const struct held *h,
+                   void (*take)(void *ctx, const struct view_message *m), void *ctx);
 
 /* Lines of the log, and pings: each is of one speaker. */
 bool track_gives_several(const struct track *k);

@@ -26,6 +26,7 @@ int view_create(struct view **out, const char *origin, bool is_bag)
     }
     v->is_bag = is_bag;
     trails_init(&v->trails, VIEW_TRAIL_NS, TRAIL_STEP_NS);
+    history_roll(&v->history, VIEW_STEP_NS);
     meter_init(&v->meter);
     pthread_mutex_init(&v->picture_lock, NULL);
     board_post(v->board, BOARD_HELLO,
@@ -88,11 +89,16 @@ static void take_walls(struct view *v, const Anlos__WallList *m)
     keep(v, BOARD_WALLS, plan_walls_json(&v->survey, m, &v->walls));
 }
 
-static void take_objects(struct view *v, const Anlos__DetectionList *m,
-                         int64_t capture_ns)
+static void take_objects(struct view *v, const struct view_message *in, int64_t now_ns)
 {
-    trails_take(&v->trails, m, capture_ns);
+    const Anlos__DetectionList *m = (const Anlos__DetectionList *)in->content;
+
+    trails_take(&v->trails, m, in->capture_ns);
     keep(v, BOARD_OBJECTS, plan_objects_json(m, &v->trails));
+    if (v->is_bag)
+        return;
+    history_take(&v->history, m, in->capture_ns, in->publish_ns, now_ns);
+    v->has_history = true;
 }
 
 /* What is wrong with a ping is counted always; its level is measured now and then, and
@@ -122,7 +128,7 @@ void view_take(struct view *v, const struct view_message *m, int64_t now_ns)
         view_take_volume(v, (const Anlos__Volume *)m->content, m->capture_ns,
                          m->publish_ns);
     } else if (m->topic == topic_detections()) {
-        take_objects(v, (const Anlos__DetectionList *)m->content, m->capture_ns);
+        take_objects(v, m, now_ns);
     } else if (m->topic == topic_wall()) {
         take_walls(v, (const Anlos__WallList *)m->content);
     } else if (m->topic == topic_ego()) {
@@ -148,11 +154,14 @@ void view_take(struct view *v, const struct view_message *m, int64_t now_ns)
 }
 
 static const char *const types[BOARD_SUBJECTS] = {
-    [BOARD_HELLO] = "hello",   [BOARD_TIMELINE] = "timeline", [BOARD_SCENE] = "scene",
-    [BOARD_SCAN] = "scan",     [BOARD_STAGE] = "stage",       [BOARD_CLOCK] = "clock",
-    [BOARD_NODES] = "nodes",   [BOARD_WALLS] = "walls",       [BOARD_OBJECTS] = "objects",
-    [BOARD_RECORD] = "record", [BOARD_LEVELS] = "levels",     [BOARD_LOG] = "log",
-    [BOARD_VOLUME] = "volume", [BOARD_TIME] = "time"};
+    [BOARD_HELLO] = "hello",     [BOARD_TIMELINE] = "timeline",
+    [BOARD_SCENE] = "scene",     [BOARD_SCAN] = "scan",
+    [BOARD_STAGE] = "stage",     [BOARD_CLOCK] = "clock",
+    [BOARD_NODES] = "nodes",     [BOARD_WALLS] = "walls",
+    [BOARD_OBJECTS] = "objects", [BOARD_HISTORY] = "history",
+    [BOARD_RECORD] = "record",   [BOARD_LEVELS] = "levels",
+    [BOARD_LOG] = "log",         [BOARD_VOLUME] = "volume",
+    [BOARD_TIME] = "time"};
 
 /* A new reference; of what is not known, that it is not. */
 static json_t *say(const struct view *v, enum board_subject subject, int64_t now_ns)
@@ -163,6 +172,9 @@ static json_t *say(const struct view *v, enum board_subject subject, int64_t now
         return view_nodes_json(v, now_ns);
     if (subject == BOARD_LOG)
         return view_log_json(v);
+    json_t *history = subject == BOARD_HISTORY ? history_json(&v->history, now_ns) : NULL;
+    if (history)
+        return history;
     if (v->kept[subject])
         return json_incref(v->kept[subject]);
     return json_pack("{ss sb}", "type", types[subject], "none", 1);
@@ -197,7 +209,8 @@ int view_tick(struct view *v, int64_t now_ns)
     bool changed = false;
 
     if (now_ns - v->beat_ns >= VIEW_BEAT_NS || now_ns < v->beat_ns) {
-        v->changed[BOARD_NODES] |= v->n_nodes > 0; /* some may have fallen silent */
+        v->changed[BOARD_NODES] |= v->n_nodes > 0;   /* some may have fallen silent */
+        v->changed[BOARD_HISTORY] |= v->has_history; /* it rolls on */
         view_beat(v, now_ns);
     }
     if (now_ns - v->posted_ns >= VIEW_PERIOD_NS || now_ns < v->posted_ns)
@@ -236,6 +249,22 @@ void view_flush(struct view *v, int64_t now_ns)
     if (!v->kept[BOARD_VOLUME])
         board_post(v->board, BOARD_VOLUME, frame_of_text(say(v, BOARD_VOLUME, now_ns)));
     view_beat(v, now_ns);
+}
+
+void view_history_span(struct view *v, int64_t start_ns, int64_t end_ns)
+{
+    history_span(&v->history, start_ns, end_ns);
+}
+
+void view_history_take(struct view *v, const struct view_message *m)
+{
+    history_take(&v->history, (const Anlos__DetectionList *)m->content, m->capture_ns,
+                 m->publish_ns, m->publish_ns);
+}
+
+void view_history_post(struct view *v)
+{
+    board_post(v->board, BOARD_HISTORY, frame_of_text(say(v, BOARD_HISTORY, 0)));
 }
 
 struct board *view_board(struct view *v)

@@ -13,6 +13,7 @@
 #define VIEW_BEAT_NS   1000000000LL /* between two signs of life */
 #define VIEW_TRAIL_NS  3000000000LL /* the time that trails of tracks show */
 #define VIEW_SILENT_NS 3500000000LL /* without health, a node counts as silent */
+#define VIEW_STEP_NS   250000000LL  /* of the plots over time of a running system */
 
 struct view;
 
@@ -42,6 +43,12 @@ int view_tick(struct view *v, int64_t now_ns);
  * that place is taken, posts all of it. */
 void view_reset(struct view *v);
 void view_flush(struct view *v, int64_t now_ns);
+
+/* Of a bag: what the plots over time show is all of it, whatever place is shown.  Its
+ * lists of objects, in any order, and then those that were taken are posted. */
+void view_history_span(struct view *v, int64_t start_ns, int64_t end_ns);
+void view_history_take(struct view *v, const struct view_message *m);
+void view_history_post(struct view *v);
 
 /* A sign of life for the pages; view_tick and view_flush give some too.  Any thread. */
 void view_beat(struct view *v, int64_t now_ns);

@@ -12,6 +12,7 @@
 #include "msgs/scan.pb-c.h"
 #include "msgs/volume.pb-c.h"
 #include "nodes/rt/trails.h"
+#include "nodes/view/history.h"
 #include "nodes/view/meter.h"
 #include "nodes/view/names.h"
 #include "nodes/view/picture.h"
@@ -56,6 +57,8 @@ struct view {
     bool has_walls;     /* node wall tells of them */
     struct walls walls; /* else those of the survey */
     struct trails trails;
+    struct history history;
+    bool has_history;
     json_t *kept[BOARD_SUBJECTS]; /* made of the newest message; NULL: none */
     struct meter meter;
     int64_t measured_ns;

@@ -7,6 +7,15 @@
 #include "nodes/view/plan.h"
 #include "nodes/view/view_state.h"
 
+/* Below full scale; null where there is none. */
+static json_t *decibels(const struct picture *p, double intensity)
+{
+    double db = intensity > 0.0 && p->peak > 0.0 ? 10.0 * log10(intensity / p->peak)
+                                                 : NAN;
+
+    return export_real(round(10.0 * db) / 10.0);
+}
+
 static json_t *describe(struct view *v, const Anlos__Volume *m, int64_t publish_ns)
 {
     const struct grid *g = &v->picture.grid;
@@ -16,16 +25,17 @@ static json_t *describe(struct view *v, const Anlos__Volume *m, int64_t publish_
                                   g)
             : json_null();
 
-    return json_pack("{ss si si sb ss s[iii] so so si si so ss sI si sf so sI}", "type",
-                     "volume", "id", (int)v->picture_id, "scan", (int)m->scan, "preview",
-                     m->preview, "method", m->method, "n", (int)g->n[0], (int)g->n[1],
-                     (int)g->n[2], "origin_m", export_reals(g->origin_m, 3), "step_m",
-                     export_reals(g->step_m, 3), "pings_used", (int)m->pings_used,
-                     "pings_expected", (int)m->pings_expected, "imaging_s",
-                     export_real(m->imaging_s), "source", name_of_source(m->source),
-                     "clipped", (json_int_t)m->clipped_samples, "masked",
-                     (int)m->microphones_masked, "step_db", PICTURE_STEP_DB, "footprint",
-                     footprint, "ms", (json_int_t)(publish_ns / 1000000));
+    return json_pack(
+        "{ss si si sb ss s[iii] so so si si so ss sI si sf so so so sI}", "type",
+        "volume", "id", (int)v->picture_id, "scan", (int)m->scan, "preview", m->preview,
+        "method", m->method, "n", (int)g->n[0], (int)g->n[1], (int)g->n[2], "origin_m",
+        export_reals(g->origin_m, 3), "step_m", export_reals(g->step_m, 3), "pings_used",
+        (int)m->pings_used, "pings_expected", (int)m->pings_expected, "imaging_s",
+        export_real(m->imaging_s), "source", name_of_source(m->source), "clipped",
+        (json_int_t)m->clipped_samples, "masked", (int)m->microphones_masked, "step_db",
+        PICTURE_STEP_DB, "brightest_db", decibels(&v->picture, v->picture.brightest),
+        "noise_db", decibels(&v->picture, v->picture.noise), "footprint", footprint, "ms",
+        (json_int_t)(publish_ns / 1000000));
 }
 
 void view_post_volume(struct view *v, const Anlos__Volume *volume, int64_t publish_ns)

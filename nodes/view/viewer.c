@@ -93,10 +93,11 @@ static int create_all(struct viewer *v, const struct viewer_config *cfg,
     v->save_ctx = cfg->save_ctx;
     view_may_save(v->view, cfg->save != NULL);
     if (cfg->bag)
-        err = player_create(&v->player, cfg->bag, v->view, why);
+        err = player_create(&v->player, cfg->bag, cfg->may_mark, v->view, why);
     server.view = v->view;
     server.seek = v->player ? player_seek : NULL;
-    server.seek_ctx = v->player;
+    server.mark = v->player ? player_mark : NULL;
+    server.bag_ctx = v->player;
     server.save = cfg->save ? ask_to_save : NULL;
     server.save_ctx = v;
     if (!err)

@@ -20,6 +20,7 @@ struct viewer_config {
     const char *address; /* kept by the caller */
     unsigned port;
     const char *bag;     /* NULL: a running system, whose messages viewer_take gets */
+    bool may_mark;       /* pages may change the bag's bookmarks */
     const char *run_dir; /* for a person, when there is no bag */
     int64_t now_ns;
     /* Publishes a request to save, which a page may make then, from the thread of

@@ -172,6 +172,27 @@ def the_image_is_bright_where_they_are(browser, objects):
                   "%s is seen from %s: %s, beside it %s" % (o, side, here, beside))
 
 
+def the_scale_is_absolute(browser):
+    """What is brightest stands far above the noise, and however wide the range: noise is
+    black."""
+    said = text(browser, "#legend-text")
+    above = re.fullmatch(r"0 dB: the brightest, (\d+) dB above the noise\.", said)
+    check(above and 40 < int(above[1]) < 90, "the scale: " + said)
+    browser.ask("(() => { const r = document.querySelector('#range'); r.value = '25';"
+                " r.onchange(); return 1; })()")
+
+
+def the_plots_over_time_are_drawn(browser, objects):
+    browser.wait("document.querySelectorAll('#trends-plots path.trend').length === 3")
+    browser.wait("document.querySelector('.trend-now[data-name=objects]').textContent === '%s'" % objects)
+    snr = text(browser, ".trend-now[data-name=snr_db]")
+    check(re.fullmatch(r"\d\d dB", snr) and number(snr) > 15, "signal to noise: " + snr)
+    ms = text(browser, ".trend-now[data-name=latency_ms]")
+    check(re.fullmatch(r"\d+ ms", ms), "latency: " + ms)
+    over = labels_that_overlap(browser, "#trends-plots")
+    check(not over, "labels hide each other in the plots: %s" % over)
+
+
 def the_slider_slices(browser, objects):
     x, y, z = objects[0]["image"]
     check(browser.ask("document.querySelector('#view-xy').dataset.shows") == "maximum",
@@ -317,12 +338,15 @@ def live(browser, anlos, source, work, pictures):
             it_shows_where_the_objects_are(browser, objects)
             the_scan_and_the_nodes_are_told(browser)
             the_image_is_bright_where_they_are(browser, objects)
+            the_scale_is_absolute(browser)
+            the_plots_over_time_are_drawn(browser, "3")
             take_picture(browser, pictures + "/view-desktop.png")
             the_slider_slices(browser, objects)
             the_keyboard_reaches_everything(
                 browser, ["front-all", "depth", "range", "lines"])
             it_is_light_or_dark_as_asked(browser)
             it_fits_a_phone(browser)
+            the_plots_over_time_are_drawn(browser, "3")
             take_picture(browser, pictures + "/view-phone.png")
             browser.size(1280, 800)
             code = launch.wait(300)
@@ -407,17 +431,67 @@ def a_place_that_was_asked_for_as_the_connection_broke_is_shown(browser, view, a
     return view
 
 
+def a_click_into_a_plot_goes_to_that_time(browser):
+    at = "document.querySelector('#at')"
+    the_plots_over_time_are_drawn(browser, "3")
+    browser.click("#trends-plots svg")  # into its middle
+    browser.wait("%s.value > 0.35 * %s.max && %s.value < 0.65 * %s.max" % (at, at, at, at))
+    browser.wait("(() => { const a = document.querySelector('.trend-at'), s = a.ownerSVGElement;"
+                 " const x = a.getAttribute('x1') / s.getAttribute('width');"
+                 " return x > 0.4 && x < 0.65; })()")  # a line stands there
+
+
+def bookmarks_are_kept_beside_the_bag(browser, bag):
+    at = "document.querySelector('#at')"
+    listed = "[...document.querySelectorAll('#bookmarks option')].slice(1).map(o => o.textContent)"
+    path = bag + ".bookmarks"
+    check(browser.ask(listed) == [] and not os.path.exists(path), "at first there are none")
+    place = number(text(browser, "#at-text"))
+    browser.click("#mark")
+    browser.wait("document.activeElement.id === 'name'")
+    browser.ask("document.querySelector('#name').value = ' half <b>way</b> '; 1")
+    browser.press("Enter")
+    browser.wait(listed + ".length === 1")
+    entry = browser.ask(listed)[0]
+    check(re.fullmatch(r"\d+\.\d s  half <b>way</b>", entry) and
+          abs(number(entry) - place) < 0.11, "it is listed: " + entry)
+    check(browser.ask("document.querySelectorAll('#marks .bookmark').length") == 1, "and marked")
+    with open(path) as f:
+        kept = f.read()
+    check(re.fullmatch(r"\d+\.\d{3} half <b>way</b>\n", kept) and
+          abs(number(kept) - place) < 0.06, "the file: " + kept)
+    browser.click("#mark")
+    browser.click("#unnamed")  # it is not kept
+    browser.ask(at + ".focus()")
+    browser.press("Home")
+    browser.wait(at + ".value == 0 && document.querySelector('#unmark').hidden")
+    browser.ask("(() => { const b = document.querySelector('#bookmarks'); b.selectedIndex = 1;"
+                " b.onchange(); return 1; })()")
+    browser.wait("Math.abs(%s.value - %g) < 0.02" % (at, number(kept)))
+    browser.click("#unmark")
+    browser.wait(listed + ".length === 0")
+    check(os.path.getsize(path) == 0, "and gone from the file")
+
+
 def recorded(browser, anlos, bag, pictures):
-    view = View(anlos, "--port", "0", "--bag", bag)
+    view = View(anlos, "--port", "0", "--bag", bag, "--save")
     try:
         with told(browser):
             browser.size(1280, 800)
             browser.open(view.url)
             the_timeline_scrubs(browser, view, bag)
+            a_click_into_a_plot_goes_to_that_time(browser)
+            bookmarks_are_kept_beside_the_bag(browser, bag)
+            browser.ask("document.querySelector('#at').focus()")
+            browser.press("End")
+            browser.wait("/final/.test(document.querySelector('#image-about').textContent)")
             view = a_place_that_was_asked_for_as_the_connection_broke_is_shown(
                 browser, view, anlos, bag)
             the_keyboard_reaches_everything(
                 browser, ["play", "earlier", "at", "front-all", "depth", "range"])
+            check(browser.ask("document.querySelector('#mark').disabled") and
+                  "--save" in browser.ask("document.querySelector('#mark').title"),
+                  "who only reads marks nothing, and knows why")
             take_picture(browser, pictures + "/view-bag.png")
             browser.size(360, 740, phone=True)
             browser.wait("document.documentElement.scrollWidth <= 360")
@@ -490,6 +564,7 @@ def drive(browser, anlos, source, work, pictures):
         with told(browser):
             a_track_is_shown_as_it_moves(browser)
             a_plane_is_seen_from_above_alone(browser)
+            browser.wait("document.querySelectorAll('#trends-plots path.trend').length === 3")
             for width, phone in (1280, False), (360, True):
                 browser.size(width, 800, phone=phone)
                 browser.wait("innerWidth === %d" % width)

@@ -78,6 +78,13 @@ static void a_request_asks_for_one_thing(void **state)
                                       "{\"save\": 1}",
                                       "{\"save\": true, \"seek\": 1}",
                                       "{\"slice\": 100000000}",
+                                      "{\"mark\": 1, \"name\": \"\"}",
+                                      "{\"mark\": 1, \"name\": 2}",
+                                      "{\"mark\": 1, \"name\": \"a\\u0000b\"}",
+                                      "{\"mark\": 1, \"nome\": \"a\"}",
+                                      "{\"mark\": 1, \"name\": \"a\", \"seek\": 1}",
+                                      "{\"mark\": \"a\"}",
+                                      "{\"mark\": 1e999}",
                                       "{\"seek\": 1e999}"};
     struct request r;
     char large[REQUEST_MAX_SIZE + 1];
@@ -92,6 +99,12 @@ static void a_request_asks_for_one_thing(void **state)
     assert_int_equal(parse(&r, "{\"seek\":-3}"), 0); /* the start */
     assert_int_equal(parse(&r, "{\"save\": true}"), 0);
     assert_int_equal(r.kind, REQUEST_SAVE);
+    assert_int_equal(parse(&r, "{\"mark\": 12.5, \"name\": \"B\\u00e4r\"}"), 0);
+    assert_int_equal(r.kind, REQUEST_MARK);
+    assert_true(r.mark_s == 12.5);
+    assert_string_equal(r.name, "B\xc3\xa4r");
+    assert_int_equal(parse(&r, "{\"mark\": 3}"), 0);
+    assert_string_equal(r.name, "");
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++)
         assert_int_equal(parse(&r, bad[i]), -EINVAL);
     memset(large, ' ', sizeof large);

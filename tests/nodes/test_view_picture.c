@@ -109,10 +109,13 @@ static void noise_is_not_drawn_as_bright_as_a_thing(void **state)
     assert_int_equal(picture_create(&p, &grid, x), 0);
     for (size_t i = 0; i < NX * NY * NZ; i++)
         assert_true(p.level[i] < 255 - 68);
+    assert_true(fabs(p.noise - M_LN2) < 0.15 * M_LN2); /* the median of so few */
+    assert_true(p.peak == 1000.0 * p.noise && p.brightest < 0.1 * p.peak);
     picture_clear(&p);
     x[at(2, 1, 20)] = 1e4f * (float)M_LN2;
     assert_int_equal(picture_create(&p, &grid, x), 0);
     assert_int_equal(p.level[at(2, 1, 20)], 255);
+    assert_true(p.brightest == p.peak && p.peak > 9000.0 * p.noise);
     picture_clear(&p);
 }
 

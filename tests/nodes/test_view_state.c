@@ -165,6 +165,36 @@ static void tell_health(struct view *v, const char *node, double up_s, double cp
     tell(v, topic_health(), &h, epoch_ns, now_ns);
 }
 
+static void plots_over_time_come_once_a_second_and_roll_on(void **state)
+{
+    struct view *v = open_view();
+    struct board_reader r = {0};
+    Anlos__DetectionList list = ANLOS__DETECTION_LIST__INIT;
+    double last_s = 1.0;
+
+    (void)state;
+    view_tick(v, 10 * S);
+    assert_null(read_on(v, &r, "history", NULL));
+    tell(v, topic_detections(), &list, 1, 10 * S + 100 * MS);
+    for (int i = 0; i < 3; i++) { /* it is a second older each time */
+        for (int k = 1; k <= 10; k++)
+            view_tick(v, (11 + i) * S + 1 + k * 100 * MS);
+        json_t *o = read_on(v, &r, "history", NULL);
+        assert_non_null(o);
+        const json_t *objects = json_object_get(o, "objects");
+        size_t at = json_array_size(objects);
+        while (at && json_is_null(json_array_get(objects, at - 1)))
+            at--;
+        double s = json_real_value(json_object_get(o, "from_s")) +
+                   (double)at * json_real_value(json_object_get(o, "step_s"));
+        assert_true(s < last_s && s > -4.5);
+        last_s = s - 0.6;
+        json_decref(o);
+    }
+    board_close(view_board(v), &r);
+    view_destroy(v);
+}
+
 static void a_node_that_says_nothing_more_is_silent(void **state)
 {
     struct view *v = open_view();
@@ -319,6 +349,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(frames_come_at_most_ten_times_a_second),
         cmocka_unit_test(a_reader_that_is_slow_gets_the_newest_and_the_rest_is_counted),
+        cmocka_unit_test(plots_over_time_come_once_a_second_and_roll_on),
         cmocka_unit_test(a_node_that_says_nothing_more_is_silent),
         cmocka_unit_test(the_log_keeps_its_newest_lines),
         cmocka_unit_test(an_image_is_made_once_and_sliced_when_asked),

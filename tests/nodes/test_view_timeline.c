@@ -243,6 +243,100 @@ static bool at_once(void *ctx)
     return true;
 }
 
+struct each {
+    unsigned seen; /* bits of the lists by their counters */
+    int n, most;   /* it stops after so many; 0: never */
+};
+
+static void take_each(void *ctx, const struct view_message *m)
+{
+    struct each *e = ctx;
+    const Anlos__DetectionList *l = (const Anlos__DetectionList *)m->content;
+
+    assert_ptr_equal(m->topic, topic_detections());
+    assert_int_equal(m->publish_ns, T0 + 100 * MS * (int64_t)l->counter);
+    assert_false(e->seen >> l->counter & 1);
+    e->seen |= 1u << l->counter;
+    e->n++;
+}
+
+static bool has_enough(void *ctx)
+{
+    const struct each *e = ctx;
+
+    return e->most && e->n >= e->most;
+}
+
+/* Between other things, in chunks with and without one. */
+static void every_list_of_a_bag_is_given_once_however_often_it_is_stopped(void **state)
+{
+    struct scratch *s = *state;
+    struct error why = {""};
+
+    for (int k = 0; k < 4; k++) {
+        const struct bag_writer_config cfg = {.profile = "",
+                                              .library = "test",
+                                              .chunk_size = 200,
+                                              .compression = k & 1 ? BAG_ZSTD : BAG_NONE};
+        struct each e = {.most = k & 2 ? 0 : 1};
+        struct timeline *t;
+        struct bag b;
+        int calls = 1;
+        assert_int_equal(
+            bag_writer_create(&b.writer, scratch_path(s, k & 1 ? "z" : "n"), &cfg, &why),
+            0);
+        assert_int_equal(bag_topics_create(&b.topics, b.writer), 0);
+        for (unsigned i = 0; i < 30; i++) {
+            put_list(&b, 100 * i, i);
+            for (int j = 0; j < (i % 5 ? 1 : 9); j++)
+                put_line(&b, 100 * i + 1 + j);
+        }
+        bag_topics_destroy(b.topics);
+        assert_int_equal(bag_writer_close(b.writer, &why), 0);
+        assert_int_equal(timeline_open(&t, s->path, &why), 0);
+        for (; timeline_lists(t, take_each, has_enough, &e) == -EINTR; calls++)
+            e.n = 0;
+        assert_int_equal(e.seen, (1u << 30) - 1);
+        assert_true((calls > 5) == !(k & 2));
+        assert_int_equal(timeline_lists(t, take_each, has_enough, &e), 0);
+        timeline_close(t);
+        assert_int_equal(unlink(s->path), 0);
+    }
+}
+
+static void a_bag_of_the_last_seconds_says_when_and_why(void **state)
+{
+    struct scratch *s = *state;
+    const struct bag_writer_config cfg = {.profile = "", .library = "test"};
+    struct bytes_buffer map = {0};
+    struct error why = {""};
+    struct timeline *t;
+    struct bag b;
+    char reason[20] = "";
+    int64_t at_ns = 0;
+
+    assert_int_equal(bag_writer_create(&b.writer, scratch_path(s, "s"), &cfg, &why), 0);
+    assert_int_equal(bag_topics_create(&b.topics, b.writer), 0);
+    put_line(&b, 1);
+    bag_map_put(&map, bytes_of("reason"), bytes_of("cyclist behind the bus"));
+    bag_map_put(&map, bytes_of("at_ns"), bytes_of("1795000000123456789"));
+    const struct bag_metadata m = {.name = bytes_of("anlos.snapshot"),
+                                   .metadata = bytes_in(&map)};
+    assert_int_equal(bag_writer_metadata(b.writer, &m, &why), 0);
+    bytes_free(&map);
+    bag_topics_destroy(b.topics);
+    assert_int_equal(bag_writer_close(b.writer, &why), 0);
+    assert_int_equal(timeline_open(&t, s->path, &why), 0);
+    assert_true(timeline_saved(t, &at_ns, reason, sizeof reason));
+    assert_string_equal(reason, "cyclist behind the ");
+    assert_true(at_ns == 1795000000123456789);
+    timeline_close(t);
+    write_bag(scratch_path(s, "bag.mcap"), BAG_NONE);
+    assert_int_equal(timeline_open(&t, s->path, &why), 0);
+    assert_false(timeline_saved(t, &at_ns, reason, sizeof reason));
+    timeline_close(t);
+}
+
 /* One letter of what the log says, which is in the first chunk and in the last. */
 static void damage_is_found_after_it_was_shown(void **state)
 {
@@ -307,6 +401,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         TEST(the_state_at_a_time_is_the_newest_of_everything),
+        TEST(every_list_of_a_bag_is_given_once_however_often_it_is_stopped),
+        TEST(a_bag_of_the_last_seconds_says_when_and_why),
         TEST(lists_of_objects_are_given_as_far_back_as_trails_go),
         TEST(damage_is_found_after_it_was_shown),
         TEST(a_bag_that_was_cut_is_refused_with_a_way_out),

@@ -6,11 +6,13 @@ import { listObjects } from "./objects.js";
 import { showLevels, showLog, showNodes, showScan, showSensor } from "./panels.js";
 import { drawPlan, wallsOf } from "./plan.js";
 import { createTimeline } from "./timeline.js";
+import { createTrends } from "./trends.js";
 
 const $ = (id) => document.getElementById(id);
 const known = {}; // the newest message of each type
 let image;
 let timeline;
+let trends;
 
 const isBag = () => known.hello?.mode === "bag";
 const nodes = () => (known.nodes?.nodes || []).filter((n) => n.node !== "view");
@@ -132,6 +134,13 @@ function showRecord() {
     if ($("save-text").textContent !== text) $("save-text").textContent = text;
 }
 
+function showTrends() {
+    trends.history = known.history || null;
+    trends.isBag = isBag();
+    $("trends-empty").textContent = known.history ? "" : `No list of objects yet. ${isBag() ? "The recording is being read." : whatIsMissing()}`;
+    trends.draw();
+}
+
 function showAbout() {
     const t = known.time;
     const skipped = t?.skipped ? `, ${t.skipped} frames skipped by slow ones` : "";
@@ -147,6 +156,7 @@ const shows = {
     nodes: [() => showNodes(known.nodes), () => showSensor(nodes()), showObjects, showEmptyIfWaiting],
     walls: [showObjects, showPlan],
     objects: [showObjects, showPlan, drawImage],
+    history: [showTrends],
     levels: [showEmpty],
     log: [() => showLog(known.log), showEmpty],
     volume: [showSource, showImage, showPlan],
@@ -157,6 +167,7 @@ const shows = {
 function showEmptyIfWaiting() {
     if (!known.volume) showImage();
     if (!known.objects) showObjects();
+    if (!known.history) showTrends();
     showEmpty();
 }
 
@@ -180,7 +191,10 @@ function begin() {
 function take(message, bytes) {
     if (message.type === "slice") return image.takeSlice(message, bytes);
     if (message.type === "timeline") {
-        if (!message.none) timeline.take(message);
+        if (message.none) return undefined;
+        timeline.take(message);
+        trends.at_s = message.at_us / 1e6;
+        show([showTrends]);
         return undefined;
     }
     if (message.type === "hello") begin();
@@ -196,6 +210,7 @@ const link = connect(take, () => {
 });
 image = createImage(link);
 timeline = createTimeline(link);
+trends = createTrends((s) => timeline.seek(s));
 $("save").addEventListener("click", () => link.send({ save: true }));
 new ResizeObserver(showPlan).observe($("plan"));
 showScan(null);

@@ -37,5 +37,5 @@ export function drawLegend(canvas, rangeDb) {
     for (let i = 0; i < 256; i++) picture.data.set([...at(i / 255), 255], 4 * i);
     pen.putImageData(picture, 0, 0);
     canvas.setAttribute("aria-label",
-        `Colours: black is ${rangeDb} dB below the brightest voxel or less, pale yellow the brightest`);
+        `Colours: black is ${Math.round(rangeDb)} dB below full scale or less, pale yellow full scale`);
 }

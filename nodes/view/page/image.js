@@ -18,8 +18,28 @@ const narrow = matchMedia("(max-width: 899px)");
 export function createImage(link) {
     const image = { volume: null, data: {}, slice: null, objects: null, chosen: "xy", depths: 0 };
     let colours = palette(0.25, 25);
+    let coloursDb = 25; // the range that they are of
 
-    const rangeDb = () => Number($("range").value);
+    // What is chosen, but no more than down to the noise: that is never drawn as an image.
+    const rangeDb = () => {
+        const noise = image.volume?.noise_db ?? null;
+        return noise === null ? Number($("range").value) : Math.min(Number($("range").value), -noise);
+    };
+    const chooseColours = () => {
+        if (rangeDb() === coloursDb) return;
+        coloursDb = rangeDb();
+        colours = palette(image.volume?.step_db || 0.25, coloursDb);
+        drawLegend($("legend"), coloursDb);
+    };
+    // What full scale is, in absolute terms.
+    const scaleText = () => {
+        const { noise_db: noise, brightest_db: brightest } = image.volume;
+        if (brightest === null) return "All is dark.";
+        if (noise === null) return "0 dB: the brightest.";
+        const above = Math.round(brightest - noise);
+        return brightest < -0.5 ? `0 dB: ${Math.round(-noise)} dB above the noise; the brightest is ${above}.`
+            : `0 dB: the brightest, ${above} dB above the noise.`;
+    };
     // A volume of one plane has one side only that is worth a look.
     const isFlat = () => image.volume?.n[1] === 1;
     const showsSlice = () => $("front-one").checked && !isFlat();
@@ -163,13 +183,15 @@ export function createImage(link) {
         $("caption-xy").textContent = showsSlice() ? `Front, slice at z = ${z} m` : "Front, maximum over z";
         $("caption-xz").textContent = isFlat() ? "From above, as it is imaged: mirrored" : "Above, maximum over y";
         $("view-xy").dataset.shows = showsSlice() ? "slice" : "maximum";
-        $("legend-low").textContent = `−${rangeDb()}`;
+        $("legend-low").textContent = `−${Math.round(rangeDb())}`;
+        $("legend-text").textContent = scaleText();
     };
 
     image.draw = () => {
         $("views").hidden = !image.volume;
         document.body.classList.toggle("flat", isFlat());
         if (!image.volume) return;
+        chooseColours();
         captions();
         const perMetre = scale();
         if (perMetre <= 0) return; // not laid out
@@ -213,12 +235,8 @@ export function createImage(link) {
                 askForSlice();
                 image.draw();
             };
-        $("range").onchange = () => {
-            colours = palette(image.volume?.step_db || 0.25, rangeDb());
-            drawLegend($("legend"), rangeDb());
-            image.draw();
-        };
-        drawLegend($("legend"), rangeDb());
+        $("range").onchange = () => image.draw();
+        drawLegend($("legend"), coloursDb);
         new ResizeObserver(() => image.draw()).observe($("image"));
         narrow.onchange = () => image.draw();
     };
