@@ -24,6 +24,7 @@ static const struct view {
      "foxglove.FrameTransforms",
      {"survey", "stage/state"},
      convert_transforms},
+    {CHANNEL_VIEW "figures", "anlos.Figures", {"detections"}, convert_figures},
     {CHANNEL_VIEW "log", "foxglove.Log", {"log"}, convert_log},
 };
 

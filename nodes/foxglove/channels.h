@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /* nodes/foxglove/channels.h -- what Foxglove is offered: every topic of msgs/topics.h
  * under its own name and schema, and under "view/" what of it a person looks at, in
- * Foxglove's schemas:
+ * Foxglove's schemas, and one of ours for its plots:
  *
  *   view/cloud    foxglove.PointCloud       the voxels that stand out, where they are
  *   view/voxels   foxglove.VoxelGrid        the whole image, coarser
@@ -14,6 +14,7 @@
  *                                           microphones
  *   view/walls    foxglove.SceneUpdate      the walls that node wall tells of
  *   view/frames   foxglove.FrameTransforms  of the frames in setting.h
+ *   view/figures  anlos.Figures             signal to noise, latency, number of objects
  *   view/log      foxglove.Log */
 #ifndef ANLOS_NODES_FOXGLOVE_CHANNELS_H
 #define ANLOS_NODES_FOXGLOVE_CHANNELS_H

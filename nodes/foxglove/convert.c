@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "foxglove/figures.pb-c.h"
 #include "foxglove/image.pb-c.h"
 #include "foxglove/log.pb-c.h"
 #include "foxglove/transforms.pb-c.h"
@@ -17,6 +18,7 @@
 #include "nodes/foxglove/image.h"
 #include "nodes/foxglove/parts.h"
 #include "nodes/rt/export.h"
+#include "nodes/rt/list_figures.h"
 #include "recon/detection/objects.h"
 #include "recon/inverse/symmetric.h"
 
@@ -120,6 +122,23 @@ static char *text_of(struct arena *a, const Anlos__Log *l)
     if (text)
         strcat(strcat(strcpy(text, l->text), repeats), left_out);
     return text;
+}
+
+int convert_figures(struct arena *a, const struct setting *s,
+                    const struct foxglove_message *m, ProtobufCMessage **out)
+{
+    const struct list_figures f = list_figures((const Anlos__DetectionList *)m->content,
+                                               m->capture_ns, m->publish_ns);
+    Anlos__Figures *figures = arena_one(a, sizeof *figures);
+
+    (void)s;
+    anlos__figures__init(figures);
+    figures->timestamp = part_time(a, m->capture_ns ? m->capture_ns : m->publish_ns);
+    figures->snr_db = f.snr_db;
+    figures->latency_ms = 1e3 * f.latency_s;
+    figures->objects = f.n_objects;
+    *out = &figures->base;
+    return a->failed ? -ENOMEM : 0;
 }
 
 int convert_log(struct arena *a, const struct setting *s,

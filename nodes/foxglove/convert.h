@@ -55,6 +55,10 @@ int convert_walls(struct arena *a, const struct setting *s,
 int convert_transforms(struct arena *a, const struct setting *s,
                        const struct foxglove_message *m, ProtobufCMessage **out);
 
+/* "detections" to anlos.Figures, for plots (nodes/rt/list_figures.h). */
+int convert_figures(struct arena *a, const struct setting *s,
+                    const struct foxglove_message *m, ProtobufCMessage **out);
+
 /* "log" to foxglove.Log. */
 int convert_log(struct arena *a, const struct setting *s,
                 const struct foxglove_message *m, ProtobufCMessage **out);

@@ -5,9 +5,9 @@
 #include <string.h>
 
 #include "nodes/rt/export.h"
+#include "nodes/rt/list_figures.h"
 
 #define LEAST_STEP_NS 1000000
-#define MOST_S        3600.0 /* of a latency: more are two clocks */
 
 void history_roll(struct history *h, int64_t step_ns)
 {
@@ -30,40 +30,6 @@ static int64_t step_of(const struct history *h, int64_t at_ns)
     return (at_ns - h->start_ns) / h->step_ns + 1;
 }
 
-/* Of what was heard in it. */
-static double snr_of(const Anlos__DetectionList *list)
-{
-    double most = NAN;
-
-    for (size_t i = 0; i < list->n_detections; i++) {
-        const Anlos__Detection *d = list->detections[i];
-        if (d->measurement == ANLOS__MEASUREMENT__NEW ||
-            d->measurement == ANLOS__MEASUREMENT__MEASURED)
-            most = fmax(most, d->level_db);
-    }
-    return most;
-}
-
-static unsigned count_of(const Anlos__DetectionList *list)
-{
-    unsigned n = 0;
-
-    for (size_t i = 0; i < list->n_detections; i++)
-        n += list->detections[i]->measurement != ANLOS__MEASUREMENT__DELETED;
-    return n;
-}
-
-/* What is replayed was heard at another time than it is sent. */
-static double latency_of(const Anlos__DetectionList *list, int64_t capture_ns,
-                         int64_t publish_ns)
-{
-    double s = 1e-9 * (double)(publish_ns - capture_ns);
-
-    return capture_ns && list->source != ANLOS__SOURCE__REPLAY && s >= 0.0 && s <= MOST_S
-               ? s
-               : NAN;
-}
-
 void history_take(struct history *h, const Anlos__DetectionList *list, int64_t capture_ns,
                   int64_t publish_ns, int64_t at_ns)
 {
@@ -76,10 +42,10 @@ void history_take(struct history *h, const Anlos__DetectionList *list, int64_t c
         return; /* it is long past */
     if (p->step < step)
         *p = (struct history_point){.step = step, .snr_db = NAN, .latency_s = NAN};
-    p->snr_db = fmax(p->snr_db, snr_of(list));
-    p->latency_s = fmax(p->latency_s, latency_of(list, capture_ns, publish_ns));
-    unsigned n = count_of(list);
-    p->n_objects = n > p->n_objects ? n : p->n_objects;
+    struct list_figures f = list_figures(list, capture_ns, publish_ns);
+    p->snr_db = fmax(p->snr_db, f.snr_db);
+    p->latency_s = fmax(p->latency_s, f.latency_s);
+    p->n_objects = f.n_objects > p->n_objects ? f.n_objects : p->n_objects;
 }
 
 json_t *history_json(const struct history *h, int64_t now_ns)

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
-/* nodes/view/history.h -- how the lists of objects went over time, for plots: signal to
- * noise of the strongest object, latency, number of objects.  Of each of HISTORY_POINTS
- * steps of time the largest that there was. */
+/* nodes/view/history.h -- how the lists of objects went over time, for plots
+ * (nodes/rt/list_figures.h).  Of each of HISTORY_POINTS steps of time the largest that
+ * there was. */
 #ifndef ANLOS_NODES_VIEW_HISTORY_H
 #define ANLOS_NODES_VIEW_HISTORY_H
 

@@ -137,7 +137,7 @@ function checkCloud(cloud) {
   points.forEach((p, i) => p.forEach((v, k) => near(v, expected[i][k], `point ${i}`)));
 }
 
-// The topics and panels that a layout names are there.
+// The topics, fields and panels that a layout names are there, and what is plotted is a number.
 async function checkLayout(path, byTopic) {
   const { configById, layout } = JSON.parse(await readFile(path, "utf8"));
   const topics = Object.values(configById).flatMap((panel) => [
@@ -146,6 +146,14 @@ async function checkLayout(path, byTopic) {
     panel.topicToRender,
   ]);
   for (const topic of topics.filter(Boolean)) assert.ok(byTopic.has(topic), topic);
+  const plots = Object.values(configById).flatMap((panel) => panel.paths ?? []);
+  assert.equal(plots.length, 3);
+  for (const { value } of plots) {
+    const [, topic, field] = /^([a-z/]+)\.([a-z_]+)$/.exec(value);
+    const channel = byTopic.get(topic);
+    const root = protobufFromBinaryDescriptor(Buffer.from(channel.schema, "base64"));
+    assert.match(root.lookupType(channel.schemaName).fields[field].type, /^(double|uint32)$/, value);
+  }
   const leaves = (part) =>
     typeof part === "string" ? [part] : [...leaves(part.first), ...leaves(part.second)];
   assert.deepEqual(leaves(layout).sort(), Object.keys(configById).sort());
@@ -195,6 +203,10 @@ async function serve(path, layout) {
     assert.deepEqual(volume.content.intensity.shape, [6, 4, 5]);
     const objects = (await receive(c, "view/objects")).content;
     assert.deepEqual(objects.entities.map((e) => e.id), ["object 1"]);
+    const figures = (await receive(c, "view/figures")).content;
+    assert.equal(figures.objects, 1);
+    near(figures.snr_db, 31.4, "signal to noise");
+    near(figures.latency_ms, 1250, "latency");
     const scene = (await receive(c, "view/scene")).content;
     assert.deepEqual(scene.entities.map((e) => e.id), ["vehicle", "array"]);
     assert.deepEqual(scene.deletions.map((d) => d.id), ["wall"]); // view/walls knows better

@@ -140,14 +140,14 @@ static void everything_is_there_and_what_foxglove_draws(void **state)
         {"survey", 1},      {"volume", 1},     {"detections", 1},   {"stage/state", 1},
         {"log", 1},         {"view/cloud", 1}, {"view/voxels", 1},  {"view/front", 1},
         {"view/top", 1},    {"view/side", 1},  {"view/objects", 1}, {"view/scene", 1},
-        {"view/frames", 2}, {"view/log", 1},
+        {"view/frames", 2}, {"view/log", 1},   {"view/figures", 1},
     };
     struct rig *r = *state;
 
     write_samples(r, true);
     if (export(r->in, r->out, NULL, NULL))
         fail_msg("%s", result.err);
-    assert_non_null(strstr(result.out, "5 messages, and 10 made of them"));
+    assert_non_null(strstr(result.out, "5 messages, and 11 made of them"));
     assert_string_equal(result.err, "");
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++)
         if (count(r->out, cases[i].topic) != cases[i].n)
@@ -197,7 +197,7 @@ static void made_of_what_was_made_it_is_the_same(void **state)
     assert_int_equal(export(r->in, r->out, NULL, NULL), 0);
     snprintf(again, sizeof again, "%s/again.mcap", r->folder);
     assert_int_equal(export(r->out, again, NULL, NULL), 0);
-    assert_non_null(strstr(result.out, "5 messages, and 10 made of them"));
+    assert_non_null(strstr(result.out, "5 messages, and 11 made of them"));
     snprintf(command, sizeof command, "cmp '%s' '%s'", r->out, again);
     assert_int_equal(system(command), 0);
 }

@@ -9,6 +9,7 @@
 
 #include <cmocka.h>
 
+#include "foxglove/figures.pb-c.h"
 #include "foxglove/image.pb-c.h"
 #include "foxglove/log.pb-c.h"
 #include "foxglove/transforms.pb-c.h"
@@ -609,6 +610,24 @@ static void without_a_mount_the_array_is_the_root(void **state)
     assert_string_equal(t->transforms[0]->parent_frame_id, "array");
 }
 
+static void a_list_becomes_figures_for_plots(void **state)
+{
+    struct rig *r = *state;
+    struct foxglove_message m = samples_detections(&r->samples);
+    const Anlos__Figures *f = converted(r, convert_figures, &m);
+
+    assert_int_equal(f->objects, 1);
+    assert_near(f->snr_db, 31.4, 1e-9);
+    assert_near(f->latency_ms, 1250.0, 1e-6);
+    assert_int_equal(f->timestamp->seconds, 1700000000);
+    assert_int_equal(f->timestamp->nanos, 250000000);
+    r->samples.detection.measurement = ANLOS__MEASUREMENT__PREDICTED;
+    r->samples.detections.source = ANLOS__SOURCE__REPLAY;
+    f = converted(r, convert_figures, &m);
+    assert_int_equal(f->objects, 1);
+    assert_true(isnan(f->snr_db) && isnan(f->latency_ms));
+}
+
 static void a_log_line_keeps_level_node_and_stamp(void **state)
 {
     struct rig *r = *state;
@@ -699,6 +718,7 @@ int main(void)
         TEST(a_wall_that_does_not_hold_is_refused),
         TEST(the_array_is_where_it_is_mounted),
         TEST(without_a_mount_the_array_is_the_root),
+        TEST(a_list_becomes_figures_for_plots),
         TEST(a_log_line_keeps_level_node_and_stamp),
         TEST(every_channel_has_a_schema_and_a_source),
         TEST(an_arena_gives_zeroed_parts_that_do_not_touch),
