@@ -28,6 +28,30 @@ static void pass(struct trouble_code *c)
                              TROUBLE_UNTESTED_THIS_CYCLE);
 }
 
+#define OF_ELEMENTS                                                                      \
+    (1u << CAN_FAULT_ARRAY_AWAY | 1u << CAN_FAULT_CHANNELS_DEAD |                        \
+     1u << CAN_FAULT_ELEMENT_ERRORS | 1u << CAN_FAULT_CLIPPED |                          \
+     1u << CAN_FAULT_ELEMENTS_COVERED | 1u << CAN_FAULT_ELEMENTS_MOVED)
+
+bool trouble_start_self_test(struct trouble_memory *m)
+{
+    if (!(m->supported & OF_ELEMENTS))
+        return false;
+    m->self_test = (struct self_test){.state = SELF_TEST_RUNS};
+    return true;
+}
+
+static void step_self_test(struct self_test *t, uint16_t faults, int64_t now_ns)
+{
+    if (t->state != SELF_TEST_RUNS)
+        return;
+    if (!t->began_ns)
+        t->began_ns = now_ns;
+    t->faults |= faults;
+    if (now_ns - t->began_ns >= SELF_TEST_NS)
+        t->state = SELF_TEST_DONE;
+}
+
 void trouble_step(struct trouble_memory *m, const struct freeze_frame *now, bool begun,
                   int64_t now_ns)
 {
@@ -44,6 +68,8 @@ void trouble_step(struct trouble_memory *m, const struct freeze_frame *now, bool
         else if (!fails && (begun || c->status & TROUBLE_FAILED))
             pass(c);
     }
+    if (begun)
+        step_self_test(&m->self_test, now->faults & m->supported & OF_ELEMENTS, now_ns);
 }
 
 void trouble_clear(struct trouble_memory *m, int fault)

@@ -49,14 +49,31 @@ struct trouble_code {
     struct freeze_frame first; /* of its first failure since it was cleared */
 };
 
+/* The self-test always runs, and what it finds are faults.  A tester may ask what it has
+ * found from then on: of the array and its elements, for so long, once the sensor has
+ * begun; nodes tell their health once a second. */
+#define SELF_TEST_NS 5000000000LL
+
+enum self_test_state { SELF_TEST_NEVER, SELF_TEST_RUNS, SELF_TEST_DONE };
+
+struct self_test {
+    enum self_test_state state;
+    int64_t began_ns; /* 0: with the next step of a sensor that has begun */
+    uint16_t faults;  /* 1 << enum can_fault, that were there since */
+};
+
 struct trouble_memory {
     uint16_t supported; /* 1 << enum can_fault: faults that this sensor tests */
     struct trouble_code codes[CAN_FAULTS];
+    struct self_test self_test;
 };
 
 void trouble_init(struct trouble_memory *m, uint16_t supported);
 
 bool trouble_supports(const struct trouble_memory *m, int fault);
+
+/* Begins anew.  false: nothing is tested here, as in a replay. */
+bool trouble_start_self_test(struct trouble_memory *m);
 
 /* At now_ns these are the faults (now->faults); begun: as of the watch. */
 void trouble_step(struct trouble_memory *m, const struct freeze_frame *now, bool begun,

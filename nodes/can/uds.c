@@ -14,6 +14,8 @@
 #define CODE_FORMAT     0x01 /* ISO_14229-1_DTCFormat: three bytes, the maker's */
 #define NAME            "anlos"
 
+enum { ROUTINE_START = 1, ROUTINE_RESULTS = 3 };
+
 _Static_assert(sizeof ANLOS_VERSION <= 16 &&
                    UDS_MAX_IDENTIFIERS * (2 + 16) + 1 <= UDS_ANSWER_SIZE,
                "no room");
@@ -248,13 +250,43 @@ static int read_codes(struct exchange *e)
     return UDS_SUBFUNCTION_NOT_SUPPORTED;
 }
 
+static int put_self_test(struct exchange *e)
+{
+    const struct self_test *t = &e->memory->self_test;
+
+    if (t->state == SELF_TEST_NEVER)
+        return UDS_WRONG_SEQUENCE;
+    put(&e->answer, t->state == SELF_TEST_RUNS ? 2 : t->faults != 0, 1);
+    put(&e->answer, t->faults, 2);
+    return 0;
+}
+
+static int routine(struct exchange *e)
+{
+    uint8_t kind = e->request[1] & (uint8_t)~SUPPRESS;
+
+    if (e->size < 4)
+        return UDS_WRONG_LENGTH;
+    if ((e->request[2] << 8 | e->request[3]) != UDS_SELF_TEST)
+        return UDS_OUT_OF_RANGE;
+    if (kind != ROUTINE_START && kind != ROUTINE_RESULTS) /* it ends by itself */
+        return UDS_SUBFUNCTION_NOT_SUPPORTED;
+    if (e->size != 4)
+        return UDS_WRONG_LENGTH;
+    put(&e->answer, kind, 1);
+    put(&e->answer, UDS_SELF_TEST, 2);
+    if (kind == ROUTINE_RESULTS)
+        return put_self_test(e);
+    return trouble_start_self_test(e->memory) ? 0 : UDS_CONDITIONS_NOT_CORRECT;
+}
+
 static const struct service {
     uint8_t id;
     bool has_subfunction;
     int (*run)(struct exchange *e);
 } services[] = {
-    {0x10, true, session},    {UDS_CLEAR, false, clear},    {0x19, true, read_codes},
-    {0x22, false, read_data}, {0x3e, true, tester_present},
+    {0x10, true, session},    {UDS_CLEAR, false, clear}, {0x19, true, read_codes},
+    {0x22, false, read_data}, {0x31, true, routine},     {0x3e, true, tester_present},
 };
 
 static const struct service *find_service(uint8_t id)

@@ -7,6 +7,7 @@
  * | 0x14 | clear | a code, or all by 0xFFFFFF |
  * | 0x19 | read trouble codes | 01 number, 02 by status, 04 freeze frame, 0A supported |
  * | 0x22 | read data | up to UDS_MAX_IDENTIFIERS of enum uds_identifier |
+ * | 0x31 | routine | 01 start, 03 results of UDS_SELF_TEST |
  * | 0x3E | tester present | |
  *
  * What is an answer itself (0x40 to 0x7F, 0xC0 to 0xFF) is none of a tester, and gets
@@ -48,10 +49,16 @@ enum uds_identifier {
     UDS_TEMPERATURE,      /* 0.1 degrees C */
 };
 
+/* A routine.  Its results are a byte, 0 passed, 1 failed, 2 it runs, and the faults of
+ * the array and its elements since it was started, as in the status frame. */
+#define UDS_SELF_TEST 0xf001
+
 enum uds_refusal { /* negative response codes */
                    UDS_SERVICE_NOT_SUPPORTED = 0x11,
                    UDS_SUBFUNCTION_NOT_SUPPORTED = 0x12,
                    UDS_WRONG_LENGTH = 0x13,
+                   UDS_CONDITIONS_NOT_CORRECT = 0x22, /* nothing is tested in a replay */
+                   UDS_WRONG_SEQUENCE = 0x24,         /* results before a start */
                    UDS_OUT_OF_RANGE = 0x31,
 };
 

@@ -119,7 +119,7 @@ static void what_is_no_service_of_a_sensor_is_refused(void **state)
         {"27 01", "7F 27 11"},       /* security access */
         {"28 00 01", "7F 28 11"},    /* communication control */
         {"2E F1 90 00", "7F 2E 11"}, /* write data */
-        {"31 01 02 03", "7F 31 11"}, /* routine control */
+        {"2F 01 02 03", "7F 2F 11"}, /* input output control */
         {"34 00 44", "7F 34 11"},    /* download */
         {"85 02", "7F 85 11"},       /* trouble code setting */
         {"00", "7F 00 11"},          /* reserved */
@@ -317,6 +317,63 @@ static void codes_are_cleared_one_or_all(void **state)
 
 /* Not supported (11), sub-function not supported (12) and out of range (31) are not said
  * to who asked all; what was done is, and what was wrong in itself. */
+static void a_self_test_is_started_and_tells_what_it_found(void **state)
+{
+    static const struct row rows[] = {
+        {"31 03 F0 01", "7F 31 24"}, /* it was not started */
+        {"31", "7F 31 13"},
+        {"31 01 F0", "7F 31 13"},
+        {"31 01 F0 01 00", "7F 31 13"},
+        {"31 02 F0 01", "7F 31 12"}, /* it ends by itself */
+        {"31 01 F0 02", "7F 31 31"},
+        {"31 01 F0 01", "71 01 F0 01"},
+        {"31 81 F0 01", ""},
+    };
+    static const struct {
+        int64_t at_ns;
+        uint16_t faults;
+        bool begun;
+        struct row row;
+    } steps[] = {
+        /* Image stale is none of the elements; ten seconds before the sensor has begun.
+         */
+        {10 * S, 0, false, {"31 03 F0 01", "71 03 F0 01 02 00 00"}},
+        {20 * S,
+         1u << CAN_FAULT_IMAGE_STALE,
+         true,
+         {"31 03 F0 01", "71 03 F0 01 02 00 00"}},
+        {24 * S, 0, true, {"31 03 F0 01", "71 03 F0 01 02 00 00"}},
+        {25 * S, 0, true, {"31 03 F0 01", "71 03 F0 01 00 00 00"}},
+        /* What comes later is none of it, until it is started again. */
+        {26 * S,
+         1u << CAN_FAULT_CHANNELS_DEAD,
+         true,
+         {"31 03 F0 01", "71 03 F0 01 00 00 00"}},
+        {27 * S, 0, true, {"31 01 F0 01", "71 01 F0 01"}},
+        {28 * S,
+         1u << CAN_FAULT_CHANNELS_DEAD,
+         true,
+         {"31 03 F0 01", "71 03 F0 01 02 00 08"}},
+        {29 * S, 0, true, {"31 03 F0 01", "71 03 F0 01 02 00 08"}},
+        {33 * S, 0, true, {"31 03 F0 01", "71 03 F0 01 01 00 08"}},
+    };
+    struct trouble_memory m;
+    struct freeze_frame f = well;
+
+    (void)state;
+    CHECK(rows, false);
+    troubled(&m);
+    check_row(&m, &rows[6], false);
+    for (size_t i = 0; i < sizeof steps / sizeof *steps; i++) {
+        f.faults = steps[i].faults;
+        trouble_step(&m, &f, steps[i].begun, steps[i].at_ns);
+        check_row(&m, &steps[i].row, false);
+    }
+    trouble_init(&m, 0); /* of a replay */
+    check_row(&m, &(struct row){"31 01 F0 01", "7F 31 22"}, false);
+    check_row(&m, &(struct row){"31 03 F0 01", "7F 31 24"}, false);
+}
+
 static void who_asks_all_hears_of_those_alone_that_can(void **state)
 {
     static const struct row rows[] = {
@@ -354,6 +411,7 @@ int main(void)
         cmocka_unit_test(trouble_codes_are_counted_and_listed_by_their_status),
         cmocka_unit_test(a_freeze_frame_is_of_the_first_failure),
         cmocka_unit_test(codes_are_cleared_one_or_all),
+        cmocka_unit_test(a_self_test_is_started_and_tells_what_it_found),
         cmocka_unit_test(who_asks_all_hears_of_those_alone_that_can),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
