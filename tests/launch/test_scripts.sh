@@ -41,6 +41,9 @@ test_an_option_without_its_value_is_refused() {
     run "$root/tests/run" --compiler tcc
     expect_code 2
     expect_text "tcc"
+    run "$root/tests/run" --library
+    expect_code 2
+    expect_text "--library: is of --arm64"
     run "$root/tests/run" --hardware --sanitize
     expect_code 2
     expect_text "--sanitize"
