@@ -4,10 +4,12 @@
 set -euo pipefail
 # shellcheck source=check.sh
 . "$(dirname "$0")/check.sh"
-command -v doxygen >/dev/null || {
-    echo "skipped: there is no doxygen (launch/setup --tests)"
-    exit 77
-}
+for tool in doxygen man; do
+    command -v $tool >/dev/null || {
+        echo "skipped: there is no $tool (launch/setup --tests)"
+        exit 77
+    }
+done
 
 test_made_without_a_warning_every_public_function_has_its_place() {
     local functions f
@@ -19,6 +21,25 @@ test_made_without_a_warning_every_public_function_has_its_place() {
     for f in $functions; do
         grep -rqF ">$f<" "$work/api/html" || complain "$f is on no page"
     done
+}
+
+test_each_function_and_header_has_a_page_of_the_manual() {
+    local page
+    run "$root/launch/package/api" 1.2.3 "$work/manual" man
+    expect_code 0
+    for page in $(cat "$root"/recon/include/anlos/*.h | grep -E '^ANLOS_API ' |
+        grep -oE 'anlos_[a-z_]+\(' | tr -d '(' | sort -u) anlos_pipeline.h anlos.h; do
+        [ -s "$work/manual/man3/$page.3.gz" ] || complain "$page has no page"
+    done
+    run ls "$work/manual/man3"
+    output=$(grep -viE '^anlos[_.]' <<<"$output" || true)
+    [ -z "$output" ] || complain "names that are not ours"
+    cd "$work/manual"
+    run bash -c 'MANPATH=$PWD man --warnings anlos_pipeline_create 2>&1'
+    cd "$work"
+    expect_code 0
+    expect_text "Checks both and plans; keeps neither"
+    expect_no_text "warning"
 }
 
 test_what_stands_before_a_function_and_behind_a_field_is_there() {
