@@ -12,7 +12,7 @@ struct array {
     const struct array_ops *ops;
     void *state;
     size_t n_left; /* pings of the shot that were not read yet; endless: 1 */
-    bool endless;
+    bool endless, continuous;
     uint32_t *speakers; /* [survey's n_speakers], of the shot */
 };
 
@@ -65,12 +65,19 @@ const struct survey *array_survey(const struct array *a)
     return a->ops->survey(a->state);
 }
 
+static bool is_continuous(const struct survey *s, const struct array_shot *shot)
+{
+    return s->continuous && !shot->endless && shot->n_speakers == s->n_speakers &&
+           shot->n_rounds <= s->n_positions - shot->position;
+}
+
 int array_fire(struct array *a, const struct array_shot *shot)
 {
     const struct survey *s = array_survey(a);
     if (a->n_left || shot->position >= s->n_positions || !shot->n_speakers ||
         shot->n_speakers > s->n_speakers || (shot->endless && s->pings_m) ||
-        (shot->endless && !survey_round_fits(s, shot->n_speakers)))
+        (shot->endless && !survey_round_fits(s, shot->n_speakers)) ||
+        (shot->n_rounds && !is_continuous(s, shot)))
         return -EINVAL;
     for (size_t i = 0; i < shot->n_speakers; i++)
         if (shot->speakers[i] >= s->n_speakers)
@@ -81,7 +88,10 @@ int array_fire(struct array *a, const struct array_shot *shot)
     int err = a->ops->fire(a->state, &copy);
     if (!err) {
         a->endless = shot->endless;
+        a->continuous = shot->n_rounds > 0;
         a->n_left = shot->endless ? 1 : shot->n_speakers;
+        if (a->continuous)
+            a->n_left *= shot->n_rounds;
     }
     return err;
 }
@@ -104,7 +114,7 @@ int array_next(struct array *a, struct array_ping *out, struct error *why)
 
 void array_halt(struct array *a)
 {
-    if (!a->n_left || !a->endless)
+    if (!a->n_left || !(a->endless || a->continuous))
         return;
     if (a->ops->halt)
         a->ops->halt(a->state);

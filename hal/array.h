@@ -28,7 +28,8 @@
  * own order, those of the speakers named, and to its end (-ENODATA) unless the URI says
  * "loop=yes".
  * Its pings come at the true pace, whatever else the array does: nobody holds them back.
- */
+ * So do those of a continuous shot, n_rounds of all speakers without a break while the
+ * stage goes on, for the positions from `position` on. */
 struct array_shot {
     enum pass pass;
     size_t position;          /* index into the survey's stage positions */
@@ -36,15 +37,21 @@ struct array_shot {
     const uint32_t *speakers; /* [n_speakers] */
     size_t n_speakers;
     bool endless; /* of an array that stands still */
+    /* Continuous: 0, or how many rounds; when the first slot begins, or as soon after as
+     * can be (the ping's t0_ns says when); stage_m is where the stage is then, and this
+     * how fast it goes on. */
+    size_t n_rounds;
+    int64_t start_ns;
+    double stage_m_s;
 };
 
 /* One ping.  samples is [n_microphones][n_samples], full scale +-1, valid until the next
  * call on the array; sample 0 is the nominal start of the emission. */
 struct array_ping {
     size_t shot_index; /* 0..n_speakers-1 */
-    uint32_t frame;    /* of an endless shot: the round, from 1; else 0.  A ping that the
-                          array had to leave out, because nobody took it in time, is a
-                          gap in frame and shot_index */
+    uint32_t frame;    /* of an endless or continuous shot: the round, from 1; else 0.  A
+                          ping that the array had to leave out, because nobody took it in
+                          time, is a gap in frame and shot_index */
     bool down;         /* the chirp ran from its stop to its start */
     const float *samples;
     size_t n_samples;           /* slot and tail; the same for every ping of an array */
@@ -66,8 +73,8 @@ struct array_ops {
     int (*next)(void *state, struct array_ping *out, struct error *why);
     /* The direction of emission k of the shot.  May be NULL: as survey_is_down says. */
     bool (*is_down)(void *state, size_t k);
-    /* Of an endless shot: emits no more, `next` is not asked for it again.  May be NULL:
-     * there is nothing to be done. */
+    /* Of an endless or continuous shot: emits no more, `next` is not asked for it again.
+     * May be NULL: there is nothing to be done. */
     void (*halt)(void *state);
     /* May be NULL: nothing is counted. */
     size_t (*counts)(void *state, struct device_count out[DEVICE_MAX_COUNTS]);
@@ -88,8 +95,9 @@ int array_open(struct array **out, const char *uri, const struct clock_source *c
 const struct survey *array_survey(const struct array *a);
 
 /* Starts a shot; the previous one must have been read to its end, or halted.  0, -EINVAL
- * (also of an endless one whose round is shorter than the chirp: survey_round_fits),
- * -ENOTSUP (this array has no endless shots). */
+ * (also of an endless one whose round is shorter than the chirp: survey_round_fits; of a
+ * continuous one of not all speakers, of more rounds than there are positions, or of a
+ * survey that is not), -ENOTSUP (this array has no endless shots). */
 int array_fire(struct array *a, const struct array_shot *shot);
 
 /* Blocks until the next ping of the shot is recorded.  0, -ENODATA (the shot has ended),
@@ -98,8 +106,8 @@ int array_fire(struct array *a, const struct array_shot *shot);
  * errno, which end the shot. */
 int array_next(struct array *a, struct array_ping *out, struct error *why);
 
-/* Ends an endless shot at once: what is under way of it is dropped, the next shot may be
- * fired.  Nothing where there is none. */
+/* Ends an endless or continuous shot at once: what is under way of it is dropped, the
+ * next shot may be fired.  Nothing where there is none. */
 void array_halt(struct array *a);
 
 /* How many counts there are. */

@@ -63,6 +63,7 @@ static void fill_numbers(Anlos__Survey *m, const struct survey *s)
     m->chirp_sine = s->chirp_sine;
     m->chirp_alternates = s->chirp_alternates;
     m->together = (uint32_t)s->together; /* bounded by survey_check, as the next one */
+    m->continuous = s->continuous;
     m->slot_samples = (uint32_t)s->slot_samples;
     m->latency_samples = s->latency_samples;
     m->n_stage_positions_m = s->n_positions;
@@ -213,6 +214,7 @@ static void take_scalars(struct survey *s, const Anlos__Survey *m)
     s->chirp_sine = m->chirp_sine;
     s->chirp_alternates = m->chirp_alternates;
     s->together = m->together;
+    s->continuous = m->continuous;
     s->slot_samples = m->slot_samples;
     s->latency_samples = m->latency_samples;
     s->has_gate = !isnan(m->gate_near_m) || !isnan(m->gate_far_m);

@@ -67,6 +67,26 @@ bool survey_round_fits(const struct survey *s, size_t n)
     return chirp_fits(s, survey_slots(s, n) * s->slot_samples);
 }
 
+static double round_s(const struct survey *s)
+{
+    return (double)survey_slots(s, s->n_speakers) * (double)s->slot_samples /
+           s->sample_rate_hz;
+}
+
+double survey_speed_m_s(const struct survey *s)
+{
+    size_t last = s->n_positions - 1;
+    if (!s->continuous || !last)
+        return 0.0;
+    return (s->stage_positions_m[last] - s->stage_positions_m[0]) /
+           ((double)last * round_s(s));
+}
+
+double survey_duration_s(const struct survey *s)
+{
+    return (double)s->n_positions * round_s(s);
+}
+
 bool survey_is_down(const struct survey *s, size_t k)
 {
     return s->chirp_alternates && k % 2;
@@ -125,6 +145,8 @@ static void hash_source(uint64_t *h, const struct survey *s)
         hash_bytes(h, "together", 8);
         hash_counts(h, s->together);
     }
+    if (s->continuous)
+        hash_bytes(h, "continuous", 10);
     if (s->pings_m)
         hash_numbers(h, s->pings_m[0][0], 6 * s->n_positions);
     if (!s->n_replica)

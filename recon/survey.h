@@ -45,6 +45,10 @@ struct survey {
     double (*microphones_m)[3]; /* [n_microphones] */
     double stage_axis[3];       /* unit */
     double *stage_positions_m;  /* [n_positions] */
+    /* The stage does not stop: position k is where it is when the first slot of round k
+     * of all speakers begins, right behind the last slot of the round before, and it goes
+     * on at survey_speed_m_s. */
+    bool continuous;
 
     /* [n_positions][speaker, microphone]: each ping has places of its own, in place of
      * speakers, microphones and stage, which are one, one and at 0 then.  Or NULL. */
@@ -104,6 +108,13 @@ size_t survey_slots(const struct survey *s, size_t n);
 
 /* Is a chirp over when its speaker's turn comes again, in an endless shot of n? */
 bool survey_round_fits(const struct survey *s, size_t n);
+
+/* How fast the stage of a continuous scan goes along its axis; else 0. */
+double survey_speed_m_s(const struct survey *s);
+
+/* How long the pings of such a scan take, from the first to the end of the last one's
+ * slot; of any other scan without the time between positions. */
+double survey_duration_s(const struct survey *s);
 
 /* Does emission k of a shot run from the chirp's stop to its start?  An endless shot
  * counts them anew in each round, so that a speaker always does the same. */

@@ -11,6 +11,8 @@
 #define MAX_OVERLAP          16   /* slots that a chirp may take */
 #define LEAST_TIME_BANDWIDTH 10.0 /* of a chirp: under that its spectrum is no band */
 #define SLOT_CLEARANCE_M     0.1  /* before the next emission: its sidelobes */
+#define STEP_OFF_M           1e-4 /* of a continuous scan, from even steps */
+#define MAX_STAGE_M_S        0.5  /* of one: recon/geometry.h */
 
 static int check_range(struct error *why, const char *field, double x, double min,
                        double max, const char *unit)
@@ -187,6 +189,39 @@ static int check_array(const struct survey *s, struct error *why)
     return err;
 }
 
+/* A stage that does not stop goes at one speed, and no speaker's turn comes again before
+ * its chirp is over. */
+static int check_continuous(const struct survey *s, struct error *why)
+{
+    if (s->pings_m || s->n_positions < 2)
+        return error_say(why, -EINVAL,
+                         "stage continuous, but there is %s; expected positions_m of two "
+                         "or more",
+                         s->pings_m ? "a recording of pings" : "one position");
+    double speed_m_s = survey_speed_m_s(s), last = (double)(s->n_positions - 1);
+    double first_m = s->stage_positions_m[0];
+    double step_m = (s->stage_positions_m[s->n_positions - 1] - first_m) / last;
+    for (size_t k = 1; k < s->n_positions; k++)
+        if (!(fabs(s->stage_positions_m[k] - first_m - (double)k * step_m) <= STEP_OFF_M))
+            return error_say(why, -EINVAL,
+                             "stage positions_m[%zu] is %g, but a continuous stage goes "
+                             "at one speed; expected %g, for even steps",
+                             k, s->stage_positions_m[k], first_m + (double)k * step_m);
+    if (!(fabs(speed_m_s) > 0 && fabs(speed_m_s) <= MAX_STAGE_M_S))
+        return error_say(
+            why, -EINVAL,
+            "stage positions_m are %g m apart, which in a round of %zu slots "
+            "of %zu samples takes %g m/s; expected over 0 and up to %g",
+            fabs(step_m), survey_slots(s, s->n_speakers), s->slot_samples,
+            fabs(speed_m_s), MAX_STAGE_M_S);
+    if (!survey_round_fits(s, s->n_speakers))
+        return error_say(why, -EINVAL,
+                         "chirp duration_s is %g, but a round of %zu slots is over "
+                         "before; expected a longer slot_samples or a shorter chirp",
+                         s->chirp_duration_s, survey_slots(s, s->n_speakers));
+    return 0;
+}
+
 double survey_gate_limit_m(const struct survey *s)
 {
     double slot_s = (double)s->slot_samples / s->sample_rate_hz;
@@ -353,6 +388,8 @@ int survey_check(const struct survey *s, struct error *why)
         err = check_array(s, why);
     if (!err && s->pings_m)
         err = check_pings(s, why);
+    if (!err && s->continuous)
+        err = check_continuous(s, why);
     if (!err && s->n_replica)
         err = check_replica(s, why);
     if (!err && s->has_gate)

@@ -39,9 +39,14 @@ static struct box swept(const struct survey *s, bool microphones)
             }
         return b;
     }
-    for (size_t k = 0; k < s->n_positions; k++)
+    size_t ends = s->n_positions + s->continuous; /* it goes on for one more round */
+    double on_m = s->n_positions > 1 && s->continuous
+                      ? s->stage_positions_m[1] - s->stage_positions_m[0]
+                      : 0.0;
+    for (size_t k = 0; k < ends; k++)
         for (int a = 0; a < 3; a++) {
-            double d = s->stage_positions_m[k] * s->stage_axis[a];
+            double d = s->stage_positions_m[k < s->n_positions ? k : k - 1];
+            d = (d + (k < s->n_positions ? 0.0 : on_m)) * s->stage_axis[a];
             b.min[a] = fmin(b.min[a], rest.min[a] + d);
             b.max[a] = fmax(b.max[a], rest.max[a] + d);
         }

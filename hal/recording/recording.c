@@ -178,10 +178,11 @@ enum { BLOCK_FRAMES = 2048 };
 
 struct recording {
     size_t n_positions, n_speakers, n_microphones, slot_samples, n_frames;
-    size_t n_slots; /* in a file */
+    size_t n_slots; /* of a position */
+    bool one_file;  /* whose slots are those of all positions, one behind the other */
     size_t n_held;  /* whole slots that are in the one file of pings */
     double sample_rate_hz;
-    size_t n_files; /* one a position, or one whose slots are the positions */
+    size_t n_files; /* one a position, or one */
     char **paths;   /* [n_files] */
 
     struct emission *emissions; /* [n_emissions], of one stage position */
@@ -252,15 +253,15 @@ static int list_files(struct recording *r, const char *folder, struct error *why
     if (n < 0)
         return error_say(why, -errno, "%s: no folder of WAV files: %s", folder,
                          strerror(errno));
-    if (n > 1 && r->n_files != r->n_positions)
+    if (n > 1 && r->one_file)
         n = leave_out_replicas(r, folder, entries, n);
     if (n == 0)
         err = error_say(why, -EINVAL, "%s: expected %zu WAV files, found none", folder,
                         r->n_files);
-    else if ((size_t)n != r->n_files && r->n_files != r->n_positions)
+    else if ((size_t)n != r->n_files && r->one_file)
         err = error_say(why, -EINVAL,
-                        "%s: %d WAV files, but the survey names pings; expected one file "
-                        "of consecutive slots",
+                        "%s: %d WAV files, but the survey names pings, or a stage that "
+                        "is continuous; expected one file of consecutive slots",
                         folder, n);
     else if ((size_t)n != r->n_files)
         err = error_say(why, -EINVAL,
@@ -292,7 +293,7 @@ static int check_size(const char *path, struct error *why)
 static int check_info(const struct recording *r, const char *path, const SF_INFO *info,
                       struct error *why)
 {
-    size_t slots = r->n_slots;
+    size_t slots = r->one_file ? r->n_positions * r->n_slots : r->n_slots;
     size_t least = r->has_table ? 1 : (slots - 1) * r->slot_samples + 1;
     if (info->samplerate != (int)(r->sample_rate_hz + 0.5))
         return error_say(why, -EINVAL, "%s: %d Hz, but the survey's sample_rate_hz is %g",
@@ -305,12 +306,12 @@ static int check_info(const struct recording *r, const char *path, const SF_INFO
     if (info->frames < 1)
         return error_say(why, -EINVAL, "%s: holds no sound; expected %zu frames", path,
                          slots * r->slot_samples);
-    if ((uint64_t)info->frames < least && r->n_files != r->n_positions)
+    if ((uint64_t)info->frames < least && r->one_file)
         return error_say(why, -EINVAL,
                          "%s: %" PRId64 " frames, but the slot of the last of %zu pings "
                          "begins at frame %zu (slot_samples %zu)",
-                         path, (int64_t)info->frames, r->n_positions, least - 1,
-                         r->slot_samples);
+                         path, (int64_t)info->frames, r->n_positions * r->n_speakers,
+                         least - 1, r->slot_samples);
     if ((uint64_t)info->frames < least)
         return error_say(
             why, -EINVAL,
@@ -400,12 +401,13 @@ int recording_open(struct recording **out, const char *folder, const struct surv
     if (!r)
         return error_say(why, -ENOMEM, "%s: out of memory", folder);
     r->n_positions = s->n_positions;
-    r->n_files = s->pings_m ? 1 : s->n_positions;
+    r->one_file = s->pings_m || s->continuous;
+    r->n_files = r->one_file ? 1 : s->n_positions;
     r->n_speakers = s->n_speakers;
     r->n_microphones = s->n_microphones;
     r->slot_samples = s->slot_samples;
     r->sample_rate_hz = s->sample_rate_hz;
-    r->n_slots = s->pings_m ? s->n_positions : survey_slots(s, s->n_speakers);
+    r->n_slots = survey_slots(s, s->n_speakers);
     r->n_frames = survey_slots(s, s->n_speakers) * s->slot_samples + tail_samples(s);
     r->n_ping = s->slot_samples + tail_samples(s);
     bool stands = s->n_positions == 1 && !s->pings_m;
@@ -414,6 +416,8 @@ int recording_open(struct recording **out, const char *folder, const struct surv
         err = list_files(r, folder, why);
     if (!err)
         err = check_files(r, why);
+    if (s->continuous)
+        r->n_held = 0;
     if (!err && stands)
         err = complete_emissions(r, folder, s, why);
     if (err)
@@ -430,8 +434,7 @@ size_t recording_frames(const struct recording *r)
 
 size_t recording_spare_slots(const struct recording *r)
 {
-    bool one_file = r->n_files != r->n_positions;
-    return one_file && r->n_held > r->n_slots ? r->n_held - r->n_slots : 0;
+    return r->one_file && r->n_held > r->n_positions ? r->n_held - r->n_positions : 0;
 }
 
 static bool is_float(const SF_INFO *info)
@@ -477,17 +480,16 @@ int recording_read_slots(const struct recording *r, size_t position, float *samp
                          "(scan: {mode: fixed}); 'anlos bag import' makes a bag of it, "
                          "for 'anlos recon --bag'",
                          r->paths[0]);
-    bool one_file = r->n_files != r->n_positions;
-    const char *path = r->paths[one_file ? 0 : position];
+    const char *path = r->paths[r->one_file ? 0 : position];
     SNDFILE *f = open_file(r, path, &info, &err, why);
     if (err)
         return err;
     struct wav_samples w = {.n_channels = r->n_microphones,
                             .n_frames = r->n_frames,
-                            .n_slots = one_file ? 1 : r->n_slots,
+                            .n_slots = r->n_slots,
                             .slot_samples = r->slot_samples,
                             .is_float = is_float(&info)};
-    size_t first = one_file ? position * r->slot_samples : 0;
+    size_t first = r->one_file ? position * r->n_slots * r->slot_samples : 0;
     size_t n = (size_t)info.frames - first;
     n = n < r->n_frames ? n : r->n_frames;
     if (first && sf_seek(f, (sf_count_t)first, SEEK_SET) < 0)

@@ -4,6 +4,7 @@
  * together there (survey_slot_of); any PCM or float format.
  * Of a survey that names pings: one mono file, slot k = ping k, which is position k;
  * files no longer than a slot (a replica) do not count beside it.
+ * Of a stage that does not stop: one file, the slots of position after position.
  * Of an array that stands (one stage position) the file may go on: round after round, or
  * as emissions.csv in the folder says (below). */
 #ifndef ANLOS_HAL_RECORDING_RECORDING_H
@@ -71,7 +72,7 @@ size_t recording_frames(const struct recording *r);
 
 /* Whole slots in the file of pings behind those that the survey names, of which the last
  * may be what a long ping leaves behind: else it names too few, and maybe not those at
- * the end are missing.  0 of one file for each position. */
+ * the end are missing.  0 of any other. */
 size_t recording_spare_slots(const struct recording *r);
 
 /* Reads one position: samples [n_microphones][recording_frames], zeros beyond the end of

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /* hal/room/array.c -- the simulated room as an array.  A shot of a standing room is
  * rendered whole when it is fired; its pings come as fast as they are asked for, or at
- * the true pace.  Endless shots and drives are rendered ping by ping for the time of
- * each, at the true pace always. */
+ * the true pace.  Endless shots, drives and continuous scans are rendered ping by ping
+ * for the time of each, at the true pace always. */
 #include <errno.h>
 #include <math.h>
 #include <stdbool.h>
@@ -22,8 +22,8 @@
 struct array_sim {
     const struct clock_source *clock;
     struct room *room;
-    struct room_stream *stream; /* of an endless shot or in a drive; else NULL */
-    bool real_pace, endless;
+    struct room_stream *stream; /* else NULL: the shot is in samples */
+    bool real_pace, endless, continuous;
     size_t n_ping;            /* samples: slot and tail */
     uint32_t *takes;          /* [2 passes][n_positions]: shots so far, for their noise */
     float *samples;           /* [n_microphones][room_frames(n_speakers)] */
@@ -127,10 +127,23 @@ static int fire_whole(struct array_sim *a, const struct array_shot *shot)
 
 static int fire_stream(struct array_sim *a, const struct array_shot *shot)
 {
+    const struct survey *s = room_survey(a->room);
+    size_t n_rounds = shot->endless ? 0 : shot->n_rounds ? shot->n_rounds : 1;
     struct room_stream_config cfg = {.pass = shot->pass,
                                      .speakers = shot->speakers,
                                      .n_speakers = shot->n_speakers,
-                                     .start_s = room_time_s(a->room, a->fired_ns)};
+                                     .start_s = room_time_s(a->room, a->fired_ns),
+                                     .position = shot->position,
+                                     .stage_m = s->stage_positions_m[shot->position],
+                                     .n_emissions = n_rounds * shot->n_speakers};
+    if (s->continuous)
+        cfg.take =
+            a->takes[(shot->pass == PASS_BACKGROUND) * s->n_positions + shot->position]++;
+    if (shot->n_rounds) {
+        cfg.stage_m_s = shot->stage_m_s;
+        cfg.stage_m = shot->stage_m +
+                      shot->stage_m_s * 1e-9 * (double)(a->fired_ns - shot->start_ns);
+    }
     return room_stream_create(&a->stream, a->room, &cfg);
 }
 
@@ -140,11 +153,15 @@ static int sim_fire(void *state, const struct array_shot *shot)
     room_stream_destroy(a->stream);
     a->stream = NULL;
     a->fired_ns = clock_now_ns(a->clock);
-    int err = shot->endless || room_is_drive(a->room) ? fire_stream(a, shot)
-                                                      : fire_whole(a, shot);
+    if (shot->n_rounds && shot->start_ns > a->fired_ns)
+        a->fired_ns = shot->start_ns;
+    bool streams = shot->endless || room_is_drive(a->room) ||
+                   room_survey(a->room)->continuous;
+    int err = streams ? fire_stream(a, shot) : fire_whole(a, shot);
     if (err)
         return err;
     a->endless = shot->endless;
+    a->continuous = shot->n_rounds > 0;
     a->speakers = shot->speakers;
     a->n_speakers = shot->n_speakers;
     a->next = 0;
@@ -239,7 +256,8 @@ static int sim_next(void *state, struct array_ping *out, struct error *why)
     calibration_correct(a->calibration, a->speakers[index], a->n_ping, a->ping);
     *out = (struct array_ping){
         .shot_index = index,
-        .frame = a->endless ? (uint32_t)(a->next / a->n_speakers + 1) : 0,
+        .frame = a->endless || a->continuous ? (uint32_t)(a->next / a->n_speakers + 1)
+                                             : 0,
         .samples = a->ping,
         .n_samples = a->n_ping,
         .clipped = a->clipped,

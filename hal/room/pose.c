@@ -2,6 +2,7 @@
 #include "hal/room/pose.h"
 
 #include <errno.h>
+#include <math.h>
 #include <stdlib.h>
 
 #include "hal/random.h"
@@ -55,16 +56,42 @@ static void place(const struct survey *s, const double stage[3], size_t n,
     }
 }
 
+static void carry(struct pose *p, const double stage[3])
+{
+    const struct survey *s = p->survey;
+    place(s, stage, s->n_speakers, (const double(*)[3])p->speakers_at_m, p->speakers_m,
+          p->speaker_images_m);
+    place(s, stage, s->n_microphones, (const double(*)[3])p->microphones_at_m,
+          p->microphones_m, p->microphone_images_m);
+}
+
 void pose_move(struct pose *p, size_t position)
 {
     const struct survey *s = p->survey;
     double stage[3];
     vector_add(p->stage_errors_m[position], s->stage_positions_m[position], s->stage_axis,
                stage);
-    place(s, stage, s->n_speakers, (const double(*)[3])p->speakers_at_m, p->speakers_m,
-          p->speaker_images_m);
-    place(s, stage, s->n_microphones, (const double(*)[3])p->microphones_at_m,
-          p->microphones_m, p->microphone_images_m);
+    carry(p, stage);
+}
+
+void pose_go(struct pose *p, double stage_m)
+{
+    const struct survey *s = p->survey;
+    const double *at_m = s->stage_positions_m;
+    size_t last = s->n_positions - 1, k = 0;
+    double stage[3], part = 0;
+    if (last) { /* even steps, up or down */
+        double along = (stage_m - at_m[0]) / (at_m[last] - at_m[0]) * (double)last;
+        along = fmin(fmax(along, 0), (double)last);
+        k = (size_t)fmin(floor(along), (double)(last - 1));
+        part = along - (double)k;
+    }
+    for (int a = 0; a < 3; a++) {
+        double before = p->stage_errors_m[k][a],
+               behind = p->stage_errors_m[k + (last > 0)][a];
+        stage[a] = stage_m * s->stage_axis[a] + before + part * (behind - before);
+    }
+    carry(p, stage);
 }
 
 void pose_clear(struct pose *p)

@@ -14,7 +14,7 @@ struct pose {
      */
     double (*speakers_at_m)[3], (*microphones_at_m)[3]; /* [n] */
     double (*stage_errors_m)[3];                        /* [n_positions] */
-    /* Set by pose_move: */
+    /* Set by pose_move and pose_go: */
     double (*speakers_m)[3], (*microphones_m)[3];
     double (*speaker_images_m)[3], (*microphone_images_m)[3]; /* behind the wall */
 };
@@ -23,6 +23,9 @@ struct pose {
 int pose_create(struct pose *out, const struct survey *s, double element_m,
                 double stage_m, uint32_t seed);
 void pose_move(struct pose *p, size_t position);
+
+/* Anywhere along the stage: between two positions its error is between theirs. */
+void pose_go(struct pose *p, double stage_m);
 void pose_clear(struct pose *p);
 
 #endif

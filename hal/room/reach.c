@@ -49,6 +49,7 @@ double reach_longest_path_m(struct pose *pose, const struct world *world)
     const struct survey *s = pose->survey;
     double first[3], image[3];
     double reach = array_reach_m(pose, first);
+    reach += fabs(survey_speed_m_s(s)) * survey_duration_s(s) / (double)s->n_positions;
     vector_mirror(s->wall_normal, s->wall_distance_m, first, image);
     double far =
         fmax(farthest_m(&world->points, image), farthest_m(&world->facets, image));

@@ -139,7 +139,7 @@ int room_record(struct room *r, enum pass pass, size_t position, const uint32_t 
 {
     const struct survey *s = &r->survey;
     size_t n_frames = room_frames(r, n_speakers);
-    if (r->scene->drive)
+    if (r->scene->drive || s->continuous)
         return -ENOTSUP;
     if (position >= s->n_positions)
         return -EINVAL;

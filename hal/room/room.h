@@ -63,7 +63,7 @@ size_t room_tail(const struct room *r); /* tail_samples() of its survey, recon/t
  * as recon/survey.h says.  The noise depends on the
  * scene's seed, the pass, the position and `take` only.  The paper's 16 x 16 pairs and
  * 1000 facets take some 30 ms.  0, -EINVAL (no such position, speaker), -ENOTSUP (a
- * drive), -ENOMEM.
+ * drive, a continuous scan: hal/room/stream.h), -ENOMEM.
  */
 int room_record(struct room *r, enum pass pass, size_t position, const uint32_t *speakers,
                 size_t n_speakers, uint32_t take, float *samples);
@@ -86,17 +86,22 @@ struct room_emission {
     double t_s;    /* world time of sample 0 */
     uint32_t take; /* the emission's number: its noise depends on nothing else but the
                       seed and the pass */
+    /* Of a continuous scan: the round, where the stage is at sample 0, and how fast it
+     * goes on. */
+    size_t position;
+    double stage_m, stage_m_s;
 };
 
 /* What the microphones hear of one emission, from where everything is at that time, and
  * of no other: samples [n_microphones][room_frames(1)], with noise and faults.  The time
  * axis of each echo is stretched as the ways change while the chirp is under way (hal/
- * room/doppler.h).  At the survey's position 0.  See hal/room/stream.h for emissions that
- * ring into each other.
- * Of a drive it takes some 3 us for each microphone and each piece that moves against the
- * array: 1 ms with 16 microphones and a person, 4 ms with 80 pieces of clutter while the
- * vehicle moves.  A plate has 270 pieces in a square decimetre: keep those small.
- * 0, -EINVAL (no such speaker; down, and the survey's chirps do not alternate), -ENOMEM.
+ * room/doppler.h).  At the survey's position 0, of a continuous scan
+ * on the way. See hal/room/stream.h for emissions that ring into each other.
+ * Of a drive or a continuous scan it takes some 3 us for each microphone and each piece
+ * that moves against the array: 1 ms with 16 microphones and a person, 4 ms with 80
+ * pieces of clutter while the vehicle moves.  A plate has 270 pieces in a square
+ * decimetre: keep those small. 0, -EINVAL (no such speaker; down, and the survey's chirps
+ * do not alternate), -ENOMEM.
  */
 int room_emit(struct room *r, const struct room_emission *e, float *samples);
 

@@ -95,8 +95,10 @@ static int create_renderer(struct room *r)
     struct room_sound sound = {.responses = NULL};
     int err = create_sound(r, &sound);
     size_t n = r->survey.n_microphones;
-    if (!err)
-        err = r->scene->drive ? create_emitter(r, &sound) : create_propagate(r, &sound);
+    if (!err && (r->scene->drive || r->survey.continuous))
+        err = create_emitter(r, &sound);
+    if (!err && !r->scene->drive)
+        err = create_propagate(r, &sound);
     r->heard = calloc(n * r->n_heard + 1, sizeof *r->heard);
     r->rendered = calloc(n * r->n_heard + 1, sizeof *r->rendered);
     r->microphones = calloc(n, sizeof *r->microphones);
@@ -206,6 +208,8 @@ static int complete(struct room *r)
         err = drive_create(&r->drive, s->drive, &r->survey);
     if (!err)
         err = traffic_create(&r->traffic, s, &r->world);
+    if (!err && r->survey.continuous)
+        traffic_set(&r->traffic, 0);
     if (!err)
         err = slams_create(&r->slams, s, &r->survey, r->sound_speed_m_s);
     if (!err)

@@ -10,10 +10,10 @@
 
 struct room_stream {
     struct room *room;
-    enum pass pass;
+    struct room_stream_config cfg;
+    uint64_t pass;      /* word of its noise */
     uint32_t *speakers; /* [n_speakers] */
     size_t n_speakers;
-    double start_s;
     size_t n_ping, n_line; /* samples */
     uint64_t base;         /* sample of the stream where the line begins */
     uint64_t next;         /* emission to render next */
@@ -37,9 +37,9 @@ int room_stream_create(struct room_stream **out, struct room *r,
         return -ENOMEM;
     size_t n_microphones = r->survey.n_microphones;
     s->room = r;
-    s->pass = cfg->pass;
+    s->cfg = *cfg;
+    s->pass = (uint64_t)cfg->pass | (uint64_t)cfg->take << 8;
     s->n_speakers = cfg->n_speakers;
-    s->start_s = cfg->start_s;
     s->n_ping = room_frames(r, 1);
     s->n_line = s->n_ping + r->n_heard + r->survey.slot_samples;
     s->speakers = malloc(cfg->n_speakers * sizeof *s->speakers);
@@ -97,8 +97,8 @@ static void add_noise(struct room_stream *s, uint64_t until)
         s->next_slot = (s->base + slot_samples - 1) / slot_samples;
     for (; s->next_slot * slot_samples < until; s->next_slot++) {
         float *at = s->line + (size_t)(s->next_slot * slot_samples - s->base);
-        uint64_t pass = (uint64_t)s->pass, seed = r->scene->seed;
-        double t_s = s->start_s +
+        uint64_t pass = s->pass, seed = r->scene->seed;
+        double t_s = s->cfg.start_s +
                      (double)(s->next_slot * slot_samples) / r->survey.sample_rate_hz;
         room_add_noise(r, t_s, (uint64_t[]){seed, ROOM_NOISE_STREAM, pass, s->next_slot},
                        4, at, s->n_line, slot_samples);
@@ -113,11 +113,14 @@ static int add_emission(struct room_stream *s, uint64_t n)
     struct room *r = s->room;
     size_t index = (size_t)(n % s->n_speakers);
     uint64_t start = room_stream_start(s, n);
-    struct room_emission e = {.pass = s->pass,
+    double since_s = (double)start / r->survey.sample_rate_hz;
+    struct room_emission e = {.pass = s->cfg.pass,
                               .speaker = s->speakers[index],
                               .down = survey_is_down(&r->survey, index),
-                              .t_s = s->start_s +
-                                     (double)start / r->survey.sample_rate_hz};
+                              .t_s = s->cfg.start_s + since_s,
+                              .position = s->cfg.position + (size_t)(n / s->n_speakers),
+                              .stage_m = s->cfg.stage_m + s->cfg.stage_m_s * since_s,
+                              .stage_m_s = s->cfg.stage_m_s};
     int err = room_hear(r, &e);
     if (err)
         return err;
@@ -130,7 +133,7 @@ static int add_emission(struct room_stream *s, uint64_t n)
         for (size_t i = 0; i < left && i < room; i++)
             line[i] += heard[i];
     }
-    uint64_t words[] = {r->scene->seed, (uint64_t)s->pass, ROOM_NOISE_STREAM, n};
+    uint64_t words[] = {r->scene->seed, s->pass, ROOM_NOISE_STREAM, n};
     if (!skip)
         faults_add_noise(&r->faults, words, e.speaker, s->line + at, s->n_line,
                          r->survey.slot_samples);
@@ -147,7 +150,8 @@ int room_stream_ping(struct room_stream *s, uint64_t n, const float **samples)
     advance(s, start);
     add_noise(s, start + s->n_ping);
     for (; room_stream_start(s, s->next) < start + s->n_ping; s->next++) {
-        if (room_stream_start(s, s->next) + r->n_heard <= start)
+        if (room_stream_start(s, s->next) + r->n_heard <= start ||
+            (s->cfg.n_emissions && s->next >= s->cfg.n_emissions))
             continue;
         int err = add_emission(s, s->next);
         if (err)

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT */
-/* hal/room/stream.h -- an endless shot in a simulated room: a speaker a slot (two that
- * share one) round after round, each emission from where everything is at its own time,
- * and what rings on of those before it.  Slots and directions as recon/survey.h says. */
+/* hal/room/stream.h -- an endless shot in a simulated room, or a continuous scan: a
+ * speaker a slot (two that share one) round after round, each emission from where
+ * everything is at its own time, and what rings on of those before it.  Slots and
+ * directions as recon/survey.h says. */
 #ifndef ANLOS_HAL_ROOM_STREAM_H
 #define ANLOS_HAL_ROOM_STREAM_H
 
@@ -17,6 +18,12 @@ struct room_stream_config {
     const uint32_t *speakers; /* [n_speakers] of a round; copied */
     size_t n_speakers;
     double start_s; /* world time of the first sample */
+    /* Of a continuous scan: the position that the first round belongs to, where the stage
+     * is at the first sample and how fast it goes; and its number, for another noise. */
+    size_t position;
+    double stage_m, stage_m_s;
+    uint32_t take;
+    uint64_t n_emissions; /* no more; 0: without end */
 };
 
 /* The room must outlive it and do nothing else meanwhile.  0, -EINVAL (no such speaker,

@@ -172,6 +172,8 @@ static void print_array(FILE *f, const struct survey *s)
                  s->n_microphones);
     print_key_list(f, "stage:\n  axis", s->stage_axis, 3, "\n");
     print_key_list(f, "  positions_m", s->stage_positions_m, s->n_positions, "\n");
+    if (s->continuous)
+        fputs("  continuous: true\n", f);
 }
 
 static void print_survey(FILE *f, const struct survey *s, const char *path,

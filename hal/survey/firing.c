@@ -24,7 +24,7 @@ int firing_from_device(struct firing *out, const struct device *d, struct error 
 {
     static const char *const ways[] = {"no", "yes", NULL};
 
-    *out = (struct firing){.chirps = FIRING_AS_THEY_ARE};
+    *out = (struct firing){.chirps = FIRING_AS_THEY_ARE, .stage = FIRING_STAGE_AS_IT_IS};
     int err = whole_number(d, "slot_samples", MOST_SAMPLES, &out->slot_samples, why);
     if (!err)
         err = whole_number(d, "together", 2, &out->together, why);
@@ -35,7 +35,10 @@ int firing_from_device(struct firing *out, const struct device *d, struct error 
     int both = err ? err : device_choice(d, "alternates", ways, why);
     if (both >= 0 && device_option(d, "alternates"))
         out->chirps = both ? FIRING_BOTH_WAYS : FIRING_ONE_WAY;
-    return both < 0 ? both : 0;
+    int on = both < 0 ? both : device_choice(d, "continuous", ways, why);
+    if (on >= 0 && device_option(d, "continuous"))
+        out->stage = on ? FIRING_STAGE_GOES_ON : FIRING_STAGE_STOPS;
+    return on < 0 ? on : 0;
 }
 
 int firing_from_uri(struct firing *out, const char *uri, struct error *why)
@@ -67,6 +70,8 @@ int firing_apply(struct survey *s, const struct firing *f, struct error *why)
         s->gate_m[1] = f->far_m;
     if (f->chirps != FIRING_AS_THEY_ARE)
         s->chirp_alternates = f->chirps == FIRING_BOTH_WAYS;
+    if (f->stage != FIRING_STAGE_AS_IT_IS)
+        s->continuous = f->stage == FIRING_STAGE_GOES_ON;
     int err = survey_check(s, &inner);
     return err ? error_say(why, err, "with the options of array.uri: %s", inner.text) : 0;
 }

@@ -5,6 +5,7 @@
  *   sim:bumper.yaml?slot_samples=864&far_m=2.7          a shorter slot, a nearer gate
  *   sim:bumper.yaml?together=2&alternates=yes           two at once, one up, one down
  *   alsa:DEVICE?rig=rig.yaml&chirp_s=0.005
+ *   sim:corner.yaml?continuous=yes&slot_samples=1632    while the stage goes on
  */
 #ifndef ANLOS_HAL_SURVEY_FIRING_H
 #define ANLOS_HAL_SURVEY_FIRING_H
@@ -14,15 +15,18 @@
 #include "recon/survey.h"
 
 /* Keys for device_parse. */
-#define FIRING_KEYS "slot_samples", "together", "alternates", "chirp_s", "far_m"
+#define FIRING_KEYS                                                                      \
+    "slot_samples", "together", "alternates", "chirp_s", "far_m", "continuous"
 
 enum firing_chirps { FIRING_AS_THEY_ARE, FIRING_ONE_WAY, FIRING_BOTH_WAYS };
+enum firing_stage { FIRING_STAGE_AS_IT_IS, FIRING_STAGE_STOPS, FIRING_STAGE_GOES_ON };
 
 struct firing { /* 0: as the file says */
     double slot_samples, together;
     double chirp_s; /* its duration */
     double far_m;   /* of the gate */
     enum firing_chirps chirps;
+    enum firing_stage stage;
 };
 
 /* 0, -EINVAL. */

@@ -46,6 +46,8 @@ const struct cyaml_schema_field survey_yaml_stage_fields[] = {
     CYAML_FIELD_SEQUENCE_COUNT("positions_m", CYAML_FLAG_POINTER,
                                struct survey_yaml_stage, positions_m, n_positions,
                                &survey_yaml_number, 1, 65536),
+    CYAML_FIELD_BOOL("continuous", CYAML_FLAG_OPTIONAL, struct survey_yaml_stage,
+                     continuous),
     CYAML_FIELD_END};
 
 const struct cyaml_schema_field survey_yaml_calibration_fields[] = {
@@ -192,6 +194,7 @@ static int take_elements(struct survey *s, const struct survey_yaml *y, const ch
     s->n_speakers = y->n_speakers;
     s->n_microphones = y->n_microphones;
     s->n_positions = y->stage ? y->stage->n_positions : 1;
+    s->continuous = y->stage && y->stage->continuous;
     s->speakers_m = copy_of(y->speakers_m, s->n_speakers * sizeof *s->speakers_m);
     s->microphones_m =
         copy_of(y->microphones_m, s->n_microphones * sizeof *s->microphones_m);

@@ -22,6 +22,7 @@ struct survey_yaml_stage {
     double axis[3];
     double *positions_m;
     unsigned n_positions;
+    bool continuous; /* it does not stop there */
 };
 
 struct survey_yaml_calibration {

@@ -14,7 +14,9 @@
 #include "dsp/pool.h"
 #include "hal/recording/recording.h"
 #include "hal/room/room.h"
+#include "hal/room/stream.h"
 #include "hal/survey/file.h"
+#include "hal/survey/firing.h"
 #include "nodes/anlos/commands.h"
 #include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/usage.h"
@@ -25,6 +27,7 @@
 
 struct sim_options { /* borrow from argv */
     const char *scene, *out;
+    struct firing firing; /* what follows the scene's name, as in an array's URI */
     size_t threads;
     bool progress; /* a line on stderr that is rewritten */
 };
@@ -83,6 +86,8 @@ struct sim_job {
     size_t frames;
     struct sim_worker *workers; /* [options->threads] */
     uint32_t *speakers;         /* 0..n_speakers-1 */
+    float *whole[2];            /* of a stage that does not stop: scene, background */
+    size_t n_whole;             /* [n_microphones][n_whole] */
     struct export_stage stage;
     char folder[2][PATH_MAX]; /* scene, background; inside the stage */
     pthread_mutex_t lock;     /* of what follows */
@@ -101,7 +106,8 @@ static int create_workers(struct sim_job *job, struct error *why)
     if (!job->workers)
         return error_say(why, -ENOMEM, "out of memory");
     for (size_t t = 0; !err && t < job->options->threads; t++)
-        err = room_load(&job->workers[t].room, scene, why);
+        err =
+            room_load_drawn(&job->workers[t].room, scene, &job->options->firing, 0, why);
     if (err)
         return err;
     if (room_is_drive(job->workers[0].room))
@@ -131,6 +137,50 @@ static int check_vacant(const char *out, struct error *why)
     return export_vacant(out, names, sizeof names / sizeof *names, why);
 }
 
+static int create_whole(struct sim_job *job, struct error *why)
+{
+    const struct survey *s = job->survey;
+    if (!s->continuous)
+        return 0;
+    job->n_whole = s->n_positions * survey_slots(s, s->n_speakers) * s->slot_samples +
+                   room_tail(job->workers[0].room);
+    for (int pass = 0; pass < 2; pass++) {
+        job->whole[pass] = calloc(s->n_microphones * job->n_whole, sizeof(float));
+        if (!job->whole[pass])
+            return error_say(why, -ENOMEM, "out of memory");
+    }
+    return 0;
+}
+
+/* The slots of one round of a stage that does not stop, and behind the last one its tail.
+ */
+static int record_round(const struct sim_job *job, struct sim_worker *w, int pass,
+                        size_t round)
+{
+    const struct survey *s = job->survey;
+    const struct room_stream_config cfg = {.pass = pass ? PASS_BACKGROUND : PASS_SCENE,
+                                           .speakers = job->speakers,
+                                           .n_speakers = s->n_speakers,
+                                           .stage_m = s->stage_positions_m[0],
+                                           .stage_m_s = survey_speed_m_s(s),
+                                           .n_emissions = s->n_positions * s->n_speakers};
+    struct room_stream *stream;
+    size_t n_ping = room_frames(w->room, 1);
+    int err = room_stream_create(&stream, w->room, &cfg);
+    for (size_t j = 0; !err && j < s->n_speakers; j++) {
+        uint64_t k = round * s->n_speakers + j, at;
+        const float *ping;
+        err = room_stream_ping(stream, k, &ping);
+        at = room_stream_start(stream, k);
+        size_t n = k + 1 < cfg.n_emissions ? s->slot_samples : n_ping;
+        for (size_t m = 0; !err && m < s->n_microphones; m++)
+            memcpy(job->whole[pass] + m * job->n_whole + at, ping + m * n_ping,
+                   n * sizeof *ping);
+    }
+    room_stream_destroy(stream);
+    return err;
+}
+
 static void show_progress(const struct sim_job *job)
 {
     if (job->options->progress)
@@ -152,12 +202,15 @@ static void record_item(void *ctx, size_t item, size_t thread)
     pthread_mutex_unlock(&job->lock);
     if (stop)
         return;
-    int err = room_record(w->room, background ? PASS_BACKGROUND : PASS_SCENE, position,
-                          job->speakers, job->survey->n_speakers, 0, w->samples);
+    int err = job->survey->continuous
+                  ? record_round(job, w, background > 0, position)
+                  : room_record(w->room, background ? PASS_BACKGROUND : PASS_SCENE,
+                                position, job->speakers, job->survey->n_speakers, 0,
+                                w->samples);
     if (err)
         error_say(&why, err, "%s: position %zu: %s", job->options->scene, position,
                   strerror(-err));
-    else
+    else if (!job->survey->continuous)
         err = recording_write(job->folder[background], position,
                               job->survey->n_microphones, job->frames,
                               job->survey->sample_rate_hz, w->samples, &why);
@@ -193,7 +246,12 @@ static int record_all(struct sim_job *job, struct error *why)
         return error_say(why, -EINTR, "interrupted");
     if (job->err)
         *why = job->why;
-    return job->err;
+    err = job->err;
+    for (int pass = 0; !err && pass < 2 && job->whole[pass]; pass++)
+        err = recording_write(job->folder[pass], 0, job->survey->n_microphones,
+                              job->n_whole, job->survey->sample_rate_hz, job->whole[pass],
+                              why);
+    return err;
 }
 
 static int write_texts(struct sim_job *job, struct error *why)
@@ -217,6 +275,8 @@ static void clear_workers(struct sim_job *job)
     }
     free(job->workers);
     free(job->speakers);
+    free(job->whole[0]);
+    free(job->whole[1]);
 }
 
 /* Reads the scene and checks the output folder, renders and writes: everything appears in
@@ -235,6 +295,8 @@ static int sim_job_run(const struct sim_options *options, bool *bad_input,
     int err = check_vacant(options->out, why);
     if (!err)
         err = create_workers(job, why);
+    if (!err)
+        err = create_whole(job, why);
     if (!err)
         err = export_stage_begin(&job->stage, options->out, why);
     *bad_input = err && err != -ENOMEM;
@@ -262,7 +324,10 @@ static const char help[] =
     "\n"
     "Renders what every microphone hears at every stage position: direct path, wall and\n"
     "room clutter, and the hidden objects by way of the wall; once with the objects and\n"
-    "once without.  launch/scenes/ has examples that explain the file's keys.\n"
+    "once without.  launch/scenes/ has examples that explain the file's keys.  Options "
+    "may\n"
+    "follow the name as in the URI of an array (launch/drive.md, Faster frames):\n"
+    "'SCENE.yaml?continuous=yes&slot_samples=1632', a stage that does not stop.\n"
     "\n"
     "  --out DIR       where the recording goes; made when missing.  A recording that "
     "is\n"
@@ -273,7 +338,8 @@ static const char help[] =
     "files written, all or none\n"
     "  scene/posNN.wav        a file for each stage position: float32, a channel for "
     "each\n"
-    "                         microphone, a slot for each speaker\n"
+    "                         microphone, a slot for each speaker; of a stage that does\n"
+    "                         not stop (stage: {continuous: true}) one for all\n"
     "  background/posNN.wav   the same room without the hidden objects\n"
     "  survey.yaml            geometry and timing, for `anlos recon`\n"
     "  calibration/           the microphones' curves, when the scene has any\n"
@@ -352,10 +418,20 @@ int command_sim(int argc, char **argv)
         return usage_error("sim", "%s: unexpected argument", argv[optind + 1]);
     if (!o.out || !o.out[0])
         return usage_error("sim", "--out DIR is missing");
-    o.scene = argv[optind];
+    struct device d;
+    static const char *const known[] = {FIRING_KEYS, NULL};
+    int err = device_parse(&d, argv[optind], known, &why);
+    if (!err)
+        err = firing_from_device(&o.firing, &d, &why);
+    if (err) {
+        fprintf(stderr, "anlos sim: %s\n", why.text);
+        return EXIT_BAD_INPUT;
+    }
+    o.scene = d.path;
 
     interrupt_catch();
-    int err = sim_job_run(&o, &bad_input, &why);
+    err = sim_job_run(&o, &bad_input, &why);
+    device_clear(&d);
     if (!err) {
         print_next_command(o.out);
         return EXIT_WORKED;

@@ -68,6 +68,39 @@ static void options_win_over_the_file(void **state)
     array_close(a);
 }
 
+static bool goes_on(struct scratch *s, const char *stage, const char *options)
+{
+    struct fake_clock clock;
+    struct error why = {""};
+    struct array *a = NULL;
+    char uri[700], text[1000];
+
+    snprintf(text, sizeof text,
+             "%sstage: {axis: [1, 0, 0], positions_m: [0, 0.01, 0.02]%s}\n", scene,
+             stage);
+    snprintf(uri, sizeof uri, "sim:%s%s", scratch_write(s, "scene.yaml", text), options);
+    fake_clock_set(&clock, INT64_C(1700000000000000000));
+    if (array_open(&a, uri, &clock.source, &why))
+        fail_msg("%s", why.text);
+    bool on = array_survey(a)->continuous;
+    array_close(a);
+    return on;
+}
+
+static void a_stage_goes_on_or_stops_as_they_say(void **state)
+{
+    struct fake_clock clock;
+    struct error why = {""};
+    struct array *a = NULL;
+
+    assert_false(goes_on(*state, "", ""));
+    assert_true(goes_on(*state, "", "?continuous=yes"));
+    assert_true(goes_on(*state, ", continuous: true", "?slot_samples=1600"));
+    assert_false(goes_on(*state, ", continuous: true", "?continuous=no"));
+    assert_int_equal(open_with(*state, "?continuous=yes", &clock, &a, &why), -EINVAL);
+    assert_non_null(strstr(why.text, "one position"));
+}
+
 /* Slots of 1/60 s at the true pace: two pings begin in each. */
 static void the_array_fires_as_they_say(void **state)
 {
@@ -150,6 +183,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         TEST(without_options_the_file_says_all),
         TEST(options_win_over_the_file),
+        TEST(a_stage_goes_on_or_stops_as_they_say),
         TEST(the_array_fires_as_they_say),
         TEST(what_does_not_go_together_is_refused),
         TEST(a_gate_ends_nearer_only_where_there_is_one),

@@ -314,6 +314,43 @@ static void a_file_that_vanishes_after_opening_is_an_error(void **state)
     recording_close(r);
 }
 
+/* Position k is what begins after k rounds of slots, and rings on into the next one. */
+static void a_stage_that_does_not_stop_has_one_file(void **state)
+{
+    struct survey survey = make_survey();
+    struct error why = {.text = ""};
+    struct scratch *s = *state;
+    size_t tail = tail_samples(&survey), n = FRAMES + tail;
+    size_t whole = POSITIONS * FRAMES + tail;
+    float *x = malloc(MICROPHONES * whole * sizeof *x);
+    float *y = malloc(MICROPHONES * n * sizeof *y);
+    uint32_t clipped[MICROPHONES], not_finite[MICROPHONES];
+    struct recording *r;
+    assert_true(x && y);
+    for (size_t i = 0; i < MICROPHONES * whole; i++)
+        x[i] = (float)sin(0.01 * (double)(i % 7919 * i));
+    assert_int_equal(recording_write(s->folder, 0, MICROPHONES, whole, 48000, x, &why),
+                     0);
+    survey.continuous = true;
+    if (recording_open(&r, s->folder, &survey, &why))
+        fail_msg("%s", why.text);
+    assert_int_equal(recording_frames(r), n);
+    assert_int_equal(recording_spare_slots(r), 0);
+    for (size_t k = 0; k < POSITIONS; k++) {
+        assert_int_equal(recording_read(r, k, y, clipped, not_finite, &why), 0);
+        for (size_t m = 0; m < MICROPHONES; m++)
+            assert_memory_equal(y + m * n, x + m * whole + k * FRAMES, n * sizeof *x);
+    }
+    recording_close(r);
+    assert_int_equal(recording_write(s->folder, 1, MICROPHONES, whole, 48000, x, &why),
+                     0);
+    assert_int_equal(recording_open(&r, s->folder, &survey, &why), -EINVAL);
+    assert_contains(why.text, "2 WAV files");
+    assert_contains(why.text, "continuous; expected one file");
+    free(x);
+    free(y);
+}
+
 static void what_is_written_reads_back(void **state)
 {
     struct survey survey = make_survey();
@@ -396,6 +433,7 @@ int main(void)
         TEST(a_file_that_vanishes_after_opening_is_an_error),
         TEST(what_is_written_reads_back),
         TEST(equal_recordings_are_equal_files_whenever_they_are_written),
+        TEST(a_stage_that_does_not_stop_has_one_file),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -310,6 +310,33 @@ static void alternating_chirps_and_shared_slots_are_read_and_saved(void **state)
     assert_contains(why.text, "expected chirp.alternates: true");
 }
 
+static void a_stage_that_does_not_stop_is_read_and_saved(void **state)
+{
+    static const char text[] =
+        "temperature_c: 20\nsample_rate_hz: 48000\nslot_samples: 1632\n"
+        "chirp: {start_hz: 2000, stop_hz: 20000, duration_s: 0.0625}\n"
+        "speakers_m: [[0, 0, 0], [0, 0.1, 0]]\nmicrophones_m: [[0.1, 0, 0]]\n"
+        "gate_m: [0.3, 4]\n"
+        "stage: {axis: [1, 0, 0], positions_m: [0, 0.01], continuous: true}\n";
+    struct error why;
+    struct survey s, again;
+    if (load(*state, text, &s, &why))
+        fail_msg("%s", why.text);
+    assert_true(s.continuous);
+    if (survey_save(&s, scratch_path(*state, "again.yaml"), NULL, &why) ||
+        survey_load(&again, scratch_path(*state, "again.yaml"), &why))
+        fail_msg("%s", why.text);
+    assert_true(again.continuous);
+    assert_same(&s, &again);
+    survey_clear(&s);
+    survey_clear(&again);
+    char slow[sizeof text];
+    snprintf(slow, sizeof slow, "%s", text);
+    memcpy(strstr(slow, "0.01]"), "0.07]", 5);
+    assert_true(load(*state, slow, &s, &why) == -EINVAL);
+    assert_contains(why.text, "1.02941 m/s");
+}
+
 static void saving_never_replaces_another_curve(void **state)
 {
     struct error why;
@@ -356,6 +383,7 @@ int main(void)
         TEST(a_wall_ahead_or_beside_is_taken_however_it_is_written),
         TEST(several_walls_have_gates_and_the_first_is_the_wall),
         TEST(alternating_chirps_and_shared_slots_are_read_and_saved),
+        TEST(a_stage_that_does_not_stop_is_read_and_saved),
         TEST(saving_never_replaces_another_curve),
         TEST(an_output_that_cannot_be_written_is_named),
     };

@@ -85,6 +85,7 @@ static void alternating_chirps_and_shared_slots_come_back_from_a_message(void **
     size_t size;
     s.chirp_alternates = true;
     s.together = 2;
+    s.continuous = true;
     assert_int_equal(survey_pack(&s, &bytes, &size), 0);
     Anlos__Survey *m = anlos__survey__unpack(NULL, size, bytes);
     free(bytes);
@@ -93,6 +94,7 @@ static void alternating_chirps_and_shared_slots_come_back_from_a_message(void **
     anlos__survey__free_unpacked(m, NULL);
     assert_true(back.chirp_alternates);
     assert_int_equal(back.together, 2);
+    assert_true(back.continuous);
     survey_clear(&back);
 }
 

@@ -82,6 +82,9 @@ static void an_old_surveys_id_stays(void **state)
     assert_true(alternating != UINT64_C(0x43b31253f187fcd8));
     s.together = 2;
     assert_true(survey_id(&s) != alternating);
+    s = example();
+    s.continuous = true;
+    assert_true(survey_id(&s) != UINT64_C(0x43b31253f187fcd8));
 }
 
 static void emissions_share_slots_and_alternate_by_their_order(void **state)
