@@ -42,11 +42,35 @@ void geometry_clear(struct geometry *g)
     memset(g, 0, sizeof *g);
 }
 
-static void moved(const struct geometry *g, size_t position, const double at[3],
-                  double out[3])
+size_t geometry_places(const struct geometry *g)
 {
+    return g->slot_m == 0.0 ? 1 : g->n_speakers;
+}
+
+size_t geometry_place(const struct geometry *g, size_t speaker)
+{
+    return g->slot_m == 0.0 ? 0 : speaker;
+}
+
+double geometry_gone_on_m(const struct geometry *g, size_t speaker)
+{
+    size_t slot = g->together > 1 ? speaker / g->together : speaker;
+    return g->chirp_m[speaker % 2] + g->slot_m * (double)slot;
+}
+
+struct geometry geometry_standing(const struct geometry *g)
+{
+    struct geometry out = *g;
+    out.slot_m = out.chirp_m[0] = out.chirp_m[1] = out.echo_m = 0.0;
+    return out;
+}
+
+static void moved(const struct geometry *g, size_t position, double further_m,
+                  const double at[3], double out[3])
+{
+    double stage_m = g->stage_positions_m[position] + further_m;
     for (int a = 0; a < 3; a++)
-        out[a] = at[a] + g->stage_axis[a] * g->stage_positions_m[position];
+        out[a] = at[a] + g->stage_axis[a] * stage_m;
 }
 
 void geometry_speaker(const struct geometry *g, size_t position, size_t speaker,
@@ -55,16 +79,17 @@ void geometry_speaker(const struct geometry *g, size_t position, size_t speaker,
     if (g->pings_m)
         memcpy(out, g->pings_m[position][0], 3 * sizeof *out);
     else
-        moved(g, position, g->speakers_m[speaker], out);
+        moved(g, position, geometry_gone_on_m(g, speaker), g->speakers_m[speaker], out);
 }
 
-void geometry_microphone(const struct geometry *g, size_t position, size_t microphone,
-                         double out[3])
+void geometry_microphone(const struct geometry *g, size_t position, size_t speaker,
+                         size_t microphone, double out[3])
 {
     if (g->pings_m)
         memcpy(out, g->pings_m[position][1], 3 * sizeof *out);
     else
-        moved(g, position, g->microphones_m[microphone], out);
+        moved(g, position, geometry_gone_on_m(g, speaker) + g->echo_m,
+              g->microphones_m[microphone], out);
 }
 
 static void extremes(const double (*at)[3], size_t n, int axis, double *min, double *max)
@@ -117,8 +142,10 @@ void geometry_aperture(const struct geometry *g, double min[3], double max[3])
         double s[2], m[2], shift[2] = {INFINITY, -INFINITY};
         extremes(g->speakers_m, g->n_speakers, a, &s[0], &s[1]);
         extremes(g->microphones_m, g->n_microphones, a, &m[0], &m[1]);
-        for (size_t k = 0; k < g->n_positions; k++) {
-            double d = g->stage_axis[a] * g->stage_positions_m[k];
+        for (size_t k = 0; k < g->n_positions * 2; k++) {
+            size_t speaker = k % 2 ? g->n_speakers - 1 : 0;
+            double on_m = geometry_gone_on_m(g, speaker) + 0.5 * g->echo_m;
+            double d = g->stage_axis[a] * (g->stage_positions_m[k / 2] + on_m);
             shift[0] = fmin(shift[0], d);
             shift[1] = fmax(shift[1], d);
         }
@@ -146,7 +173,8 @@ void geometry_pair(const struct geometry *g, size_t trace, double speaker[3],
 {
     size_t ping = trace / g->n_microphones, position = ping / g->n_speakers;
     geometry_speaker(g, position, ping % g->n_speakers, speaker);
-    geometry_microphone(g, position, trace % g->n_microphones, microphone);
+    geometry_microphone(g, position, ping % g->n_speakers, trace % g->n_microphones,
+                        microphone);
 }
 
 double geometry_distance(const double a[3], const double b[3])
@@ -162,7 +190,7 @@ static void pair_direction(const struct geometry *g, size_t k, size_t j, size_t 
 {
     double s[3], m[3];
     geometry_speaker(g, k, j, s);
-    geometry_microphone(g, k, i, m);
+    geometry_microphone(g, k, j, i, m);
     double rs = geometry_distance(at_m, s), rm = geometry_distance(at_m, m);
     for (int a = 0; a < 3; a++)
         out[a] = (rs > 0.0 ? (at_m[a] - s[a]) / rs : 0.0) +

@@ -117,22 +117,26 @@ static void box_distances(const struct grid *g, const double p[3], double *near,
     *far = sqrt(far2);
 }
 
-/* Nearest and farthest distance from any speaker of a position, or any microphone. */
+/* Nearest and farthest distance from any speaker of a position, or any microphone; of a
+ * stage that does not stop, when the first or the last speaker sounds. */
 static void elements_distances(const struct grid *grid, const struct geometry *g,
                                size_t position, bool microphones, double out[2])
 {
+    size_t last = geometry_places(g) > 1 ? g->n_speakers - 1 : 0;
     size_t n = microphones ? g->n_microphones : g->n_speakers;
     out[0] = INFINITY;
     out[1] = 0.0;
     for (size_t e = 0; e < n; e++) {
         double p[3], near, far;
-        if (microphones)
-            geometry_microphone(g, position, e, p);
-        else
-            geometry_speaker(g, position, e, p);
-        box_distances(grid, p, &near, &far);
-        out[0] = fmin(out[0], near);
-        out[1] = fmax(out[1], far);
+        for (size_t speaker = 0; speaker <= last; speaker += last ? last : 1) {
+            if (microphones)
+                geometry_microphone(g, position, speaker, e, p);
+            else
+                geometry_speaker(g, position, e, p);
+            box_distances(grid, p, &near, &far);
+            out[0] = fmin(out[0], near);
+            out[1] = fmax(out[1], far);
+        }
     }
 }
 

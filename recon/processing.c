@@ -17,6 +17,33 @@
 #define TRACE_OVERSAMPLING 2.0
 #define LEAST_SPAN         16.0 /* over the band: interpolators' taps on both sides */
 
+/* Which part of a chirp is over when it has got to f1 of recon/geometry.h: <f^3> / <f^2>
+ * under Hann's window, whose square has the mean 1/3 - 2/pi^2 over -1..1. */
+static double chirp_part(const struct survey *s, size_t emission)
+{
+    double middle = 0.5 * (s->chirp_start_hz + s->chirp_stop_hz);
+    double half = 0.5 * (s->chirp_stop_hz - s->chirp_start_hz);
+    double square = half * half * (1.0 / 3.0 - 2.0 / (M_PI * M_PI));
+    double f1 = middle * (middle * middle + 3.0 * square) / (middle * middle + square);
+    double part = 0.5 + 0.5 * (f1 - middle) / half;
+    if (s->n_replica)
+        return 0.5;
+    return survey_is_down(s, emission) ? 1.0 - part : part;
+}
+
+static void plan_motion(struct geometry *g, const struct survey *s)
+{
+    double speed_m_s = survey_speed_m_s(s), rate_hz = s->sample_rate_hz;
+    double far_m = s->has_gate ? s->gate_m[1] : TAIL_DEFAULT_FAR_M;
+    double near_m = s->has_gate ? s->gate_m[0] : GATE_NEAR_LEAST_M;
+    g->together = s->together;
+    g->slot_m = speed_m_s * (double)s->slot_samples / rate_hz;
+    for (size_t odd = 0; odd < 2; odd++)
+        g->chirp_m[odd] = speed_m_s * (chirp_part(s, odd) * s->chirp_duration_s +
+                                       s->latency_samples / rate_hz);
+    g->echo_m = speed_m_s * (near_m + far_m) / s->sound_speed_m_s;
+}
+
 void processing_geometry(struct geometry *g, const struct survey *s)
 {
     memset(g, 0, sizeof *g);
@@ -29,6 +56,8 @@ void processing_geometry(struct geometry *g, const struct survey *s)
     memcpy(g->stage_axis, s->stage_axis, sizeof g->stage_axis);
     g->stage_positions_m = s->stage_positions_m;
     g->pings_m = (const double(*)[2][3])s->pings_m;
+    if (s->continuous)
+        plan_motion(g, s);
 }
 
 struct chirp processing_chirp(const struct survey *s)

@@ -72,7 +72,7 @@ static void find_closest_pair(struct measurement *m)
         for (size_t i = 0; i < g->n_microphones; i++) {
             double s[3], r[3];
             geometry_speaker(g, 0, j, s);
-            geometry_microphone(g, 0, i, r);
+            geometry_microphone(g, 0, j, i, r);
             double d = hypot(hypot(s[0] - r[0], s[1] - r[1]), s[2] - r[2]);
             if (d >= closest)
                 continue;

@@ -56,24 +56,36 @@ static void add_ping(const struct backprojection *b, const struct tile_sound *so
 {
     double speaker[3], microphone[3];
     geometry_speaker(&b->geometry, k, 0, speaker);
-    geometry_microphone(&b->geometry, k, 0, microphone);
+    geometry_microphone(&b->geometry, k, 0, 0, microphone);
     tile_round_trip(&own->tile, sound, speaker, microphone, own->paths);
     add_trace(b, k, &own->tile, own->paths, own->paths, own->tile.sum);
+}
+
+/* Where the microphones are when they hear a speaker. */
+static void find_microphones(const struct backprojection *b,
+                             const struct tile_sound *sound, size_t k, size_t speaker,
+                             struct any_scratch *own)
+{
+    size_t n_s = b->geometry.n_speakers, n_m = b->geometry.n_microphones;
+    for (size_t i = 0; i < n_m; i++) {
+        double at[3];
+        geometry_microphone(&b->geometry, k, speaker, i, at);
+        tile_path(&own->tile, sound, at, 0.0, &own->paths[n_s + i]);
+    }
 }
 
 static void add_position(const struct backprojection *b, const struct tile_sound *sound,
                          size_t k, struct any_scratch *own)
 {
     size_t n_s = b->geometry.n_speakers, n_m = b->geometry.n_microphones;
-    for (size_t e = 0; e < n_s + n_m; e++) {
+    for (size_t e = 0; e < n_s; e++) {
         double at[3];
-        if (e < n_s)
-            geometry_speaker(&b->geometry, k, e, at);
-        else
-            geometry_microphone(&b->geometry, k, e - n_s, at);
+        geometry_speaker(&b->geometry, k, e, at);
         tile_path(&own->tile, sound, at, 0.0, &own->paths[e]);
     }
     for (size_t j = 0; j < n_s; j++) {
+        if (j == 0 || geometry_place(&b->geometry, j))
+            find_microphones(b, sound, k, j, own);
         const struct tile_path *to = &own->paths[j], *from = &own->paths[n_s];
         size_t t = (k * n_s + j) * n_m;
         for (size_t i = 0; i < n_m; i++) {

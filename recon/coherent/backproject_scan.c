@@ -54,9 +54,23 @@ struct scan {
     float *fold;          /* [pair][lanes] live pairs of the trace's midpoint */
 };
 
+/* The speakers, and the microphones when they hear each of them: on a stage that does not
+ * stop they have gone on. */
 static inline size_t n_elements(const struct backprojection *b)
 {
-    return b->geometry.n_speakers + b->geometry.n_microphones;
+    const struct geometry *g = &b->geometry;
+    return g->n_speakers + g->n_microphones * geometry_places(g);
+}
+
+/* Beside the stage's position. */
+static void element_place(const struct geometry *g, size_t e, double at[3])
+{
+    size_t m = e - g->n_speakers;
+    bool speaker = e < g->n_speakers;
+    double on_m = geometry_gone_on_m(g, speaker ? e : m / g->n_microphones);
+    memcpy(at, speaker ? g->speakers_m[e] : g->microphones_m[m % g->n_microphones],
+           3 * sizeof *at);
+    at[0] += speaker ? on_m : on_m + g->echo_m;
 }
 
 bool backproject_scan_fits(struct backprojection *b)
@@ -151,8 +165,8 @@ static void row_start_block(const struct backprojection *b, struct row *w, size_
     double d = (double)first - (double)((b->lanes - 1) * b->stride);
     double x_m = b->grid.origin_m[0] - b->first_m + d * b->grid.step_m[0];
     for (size_t e = 0; e < n_elements(b); e++) {
-        const double *at = e < g->n_speakers ? g->speakers_m[e]
-                                             : g->microphones_m[e - g->n_speakers];
+        double at[3];
+        element_place(g, e, at);
         double dy = y_m - at[1], dz = z_m - at[2];
         element_delays(b, x_m - at[0], dy * dy + dz * dz, w->delay + e * BLOCK,
                        w->phasor[0] + e * BLOCK, w->phasor[1] + e * BLOCK);
@@ -271,11 +285,12 @@ static void add_chunk(const struct backprojection *b, struct sweep *s, struct ro
 {
     size_t n_s = b->geometry.n_speakers, n_m = b->geometry.n_microphones;
     const struct scan *scan = b->scratch;
+    size_t microphones = n_s + geometry_place(&b->geometry, speaker) * n_m;
     for (size_t i = 0; i < n; i++) {
         size_t pair = speaker * n_m + first + i;
         s->readings[i].trace = backprojection_sample(b, pair, 0);
         s->readings[i].fold = scan->fold + pair * b->lanes;
-        plan_reading(w, speaker, n_s + first + i, (float)(b->fine.n_stored - 2),
+        plan_reading(w, speaker, microphones + first + i, (float)(b->fine.n_stored - 2),
                      &s->readings[i]);
     }
     for (size_t k = 0; k < b->lanes; k += VECTOR_LANES) {

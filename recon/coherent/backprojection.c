@@ -65,7 +65,7 @@ static double middle(const struct backprojection *b, size_t t, int axis)
     size_t k = t / backprojection_pairs(b), pair = t % backprojection_pairs(b);
     double s[3], m[3];
     geometry_speaker(g, k, pair / g->n_microphones, s);
-    geometry_microphone(g, k, pair % g->n_microphones, m);
+    geometry_microphone(g, k, pair / g->n_microphones, pair % g->n_microphones, m);
     return 0.5 * (s[axis] + m[axis]);
 }
 
@@ -175,6 +175,7 @@ static void backprojection_image(void *state, float *intensity)
 const struct imager_method method_backprojection = {
     .name = "backprojection",
     .any_geometry = true,
+    .continuous = true,
     .adds = true,
     .create = backprojection_create,
     .add = backprojection_add,

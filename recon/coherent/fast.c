@@ -117,6 +117,8 @@ static int create_stages(struct fast *f, const struct imager_config *cfg,
         .ny = m->ny,
         .x_m = m->x_m,
         .y_m = m->y_m,
+        .copies = m->n_places,
+        .x_range = (const size_t(*)[2])m->x_range,
         .plane_z_m = m->plane_z_m,
         .trace = colocated,
         .band_hz = {cfg->band_hz[0], cfg->band_hz[1]},
@@ -203,6 +205,7 @@ static void fast_reset(void *state)
 
 const struct imager_method method_fast = {
     .name = "fast",
+    .continuous = true,
     .adds = true,
     .create = fast_create,
     .add = fast_add,

@@ -43,6 +43,8 @@ static void transform_line(void *ctx, size_t ix, size_t thread)
     struct fk *m = g->fk;
     fftwf_complex *buffer = m->scratch[thread].trace;
     for (size_t iy = 0; iy < m->y.lines; iy++) {
+        if (ix < m->x_range[iy][0] || ix >= m->x_range[iy][1])
+            continue;
         size_t cell = ix * m->y.lines + iy;
         const float *trace = (const float *)(g->gather + cell * m->trace.n_samples);
         memset(buffer, 0, m->nt_fft * sizeof *buffer);
@@ -102,9 +104,10 @@ static void sum_over_x(const struct fk *m, size_t kx, size_t q_low, struct fk_sc
     for (size_t k = q_low / FK_X_BLOCK; k < n_blocks; k++) {
         for (size_t iy = 0; iy < m->y.lines; iy++) {
             lanes waves[2 * FK_BLOCK / LANES];
-            sum_block(m->spectrum + (k * m->y.lines + iy) * m->x.lines * FK_BLOCK,
-                      m->x.lines, m->x.cosine + kx * m->x.lines,
-                      m->x.sine + kx * m->x.lines, waves);
+            size_t first = m->x_range[iy][0], at = kx * m->x.lines + first;
+            sum_block(m->spectrum +
+                          ((k * m->y.lines + iy) * m->x.lines + first) * FK_BLOCK,
+                      m->x_range[iy][1] - first, m->x.cosine + at, m->x.sine + at, waves);
             float *row = s->rows + (2 * k * m->y.lines + iy) * FK_BLOCK;
             memcpy(row, waves, FK_BLOCK * sizeof *row);
             memcpy(row + m->y.lines * FK_BLOCK, waves + FK_BLOCK / LANES,

@@ -28,8 +28,12 @@
 
 struct fk_config {
     double sound_speed_m_s;
-    size_t nx, ny;             /* lines of midpoints */
-    const double *x_m, *y_m;   /* [nx], [ny] */
+    size_t nx, ny;           /* lines of midpoints */
+    const double *x_m, *y_m; /* [nx], [ny] */
+    size_t copies; /* lines of x cover the aperture so many times over; 0: once */
+    /* [ny]: lines of x that have traces, first and behind the last; NULL: all.  Others of
+     * a gather are not looked at. */
+    const size_t (*x_range)[2];
     double plane_z_m;          /* of the midpoints */
     struct trace_format trace; /* of the co-located traces */
     double band_hz[2];

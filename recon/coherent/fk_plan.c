@@ -49,6 +49,15 @@ static double extent(const struct grid *g, int axis)
     return g->n[axis] > 1 ? (double)g->n[axis] * g->step_m[axis] : 0.0;
 }
 
+/* The smallest line, or the largest. */
+static double end_line(const double *lines, size_t n, bool largest)
+{
+    double end = lines[0];
+    for (size_t i = 1; i < n; i++)
+        end = largest ? fmax(end, lines[i]) : fmin(end, lines[i]);
+    return end;
+}
+
 static double grid_end(const struct grid *g, int axis)
 {
     return g->origin_m[axis] + (double)(g->n[axis] - 1) * g->step_m[axis];
@@ -57,14 +66,15 @@ static double grid_end(const struct grid *g, int axis)
 /* Farthest lateral distance between a line of midpoints and the image. */
 static double reach(const struct grid *g, int axis, const double *lines, size_t n)
 {
-    return fmax(grid_end(g, axis) - lines[0], lines[n - 1] - g->origin_m[axis]);
+    return fmax(grid_end(g, axis) - end_line(lines, n, false),
+                end_line(lines, n, true) - g->origin_m[axis]);
 }
 
 static int plan_axis(struct fk_axis *a, struct fk *m, int axis, const double *lines,
                      size_t n, double k_limit)
 {
     struct grid *g = &m->grid;
-    double aperture = lines[n - 1] - lines[0];
+    double aperture = end_line(lines, n, true) - end_line(lines, n, false);
     double across = fabs(reach(g, axis, lines, n));
     /* Copies of the midpoints stand a period away.  They must lie outside the cone of
      * waves used; those of a wide aperture are out of focus and may lie nearer. */
@@ -162,15 +172,20 @@ static int plan_tables(struct fk *m, const struct fk_config *cfg)
     return 0;
 }
 
-static int allocate(struct fk *m)
+static int allocate(struct fk *m, const size_t (*x_range)[2])
 {
     const size_t *n = m->grid.n;
     m->spectrum =
         fftwf_malloc(m->x.lines * m->y.lines * m->n_f * 2 * sizeof *m->spectrum);
+    m->x_range = malloc(m->y.lines * sizeof *m->x_range);
     m->half = fftwf_malloc(m->x.kept * n[1] * n[2] * sizeof *m->half);
     m->scratch = calloc(pool_threads(m->pool), sizeof *m->scratch);
-    if (!m->spectrum || !m->half || !m->scratch)
+    if (!m->spectrum || !m->x_range || !m->half || !m->scratch)
         return -ENOMEM;
+    for (size_t y = 0; y < m->y.lines; y++) {
+        m->x_range[y][0] = x_range ? x_range[y][0] : 0;
+        m->x_range[y][1] = x_range ? x_range[y][1] : m->x.lines;
+    }
     for (size_t t = 0; t < pool_threads(m->pool); t++) {
         struct fk_scratch *s = &m->scratch[t];
         s->rows = fftwf_malloc(m->y.lines * m->n_f * 4 * sizeof *s->rows);
@@ -217,8 +232,9 @@ static int plan_transforms(struct fk *m)
 /* How far the image reaches beyond the midpoints, and on to their middle. */
 static double beyond(const struct grid *g, int axis, const double *lines, size_t n)
 {
-    double outside = fmax(lines[0] - g->origin_m[axis], grid_end(g, axis) - lines[n - 1]);
-    double half = 0.5 * (lines[n - 1] - lines[0]);
+    double first = end_line(lines, n, false), last = end_line(lines, n, true);
+    double outside = fmax(first - g->origin_m[axis], grid_end(g, axis) - last);
+    double half = 0.5 * (last - first);
     return outside > half ? outside + half : 0.0;
 }
 
@@ -266,12 +282,13 @@ int fk_create(struct fk **out, const struct fk_config *cfg)
     /* A sum over wavenumbers is an integral times their spacing, whatever the grid; over
      * the space they fill, so that a gain of 1e12 is no overflow. */
     double k_high = 4.0 * M_PI * cfg->band_hz[1] / m->c;
-    double spacing = m->x.dk * m->y.dk * m->dkz / (double)(cfg->nx * cfg->ny);
+    size_t covering = cfg->nx / (cfg->copies > 1 ? cfg->copies : 1);
+    double spacing = m->x.dk * m->y.dk * m->dkz / (double)(covering * cfg->ny);
     m->scale = (float)(spacing / pow(k_high, 3.5));
     if (!err)
         err = plan_tables(m, cfg);
     if (!err)
-        err = allocate(m);
+        err = allocate(m, cfg->x_range);
     if (!err)
         err = plan_transforms(m);
     if (err) {
@@ -315,6 +332,7 @@ void fk_destroy(struct fk *m)
     free(m->centring);
     free(m->gain);
     fftwf_free(m->spectrum);
+    free(m->x_range);
     fftwf_free(m->half);
     free(m->x.cosine);
     free(m->x.sine);

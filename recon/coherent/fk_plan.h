@@ -57,6 +57,7 @@ struct fk {
     double depth_m;      /* of the grid's first plane below the midpoints */
 
     struct fk_axis x, y;
+    size_t (*x_range)[2]; /* [y lines]: of each the lines of x that have traces */
     size_t nz_fft;
     double dkz;
     long kz_first;

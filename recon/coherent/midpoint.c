@@ -50,6 +50,52 @@ static int sort_axis(const struct geometry *g, size_t n_pairs, int axis, double 
     return 0;
 }
 
+/* Of a stage that stands the lines are all there are. */
+static int add_places(struct midpoints *m, const struct geometry *g, const char **why)
+{
+    size_t n_lines = m->nx, n = g->n_positions * m->n_pairs;
+    m->n_places = geometry_places(g);
+    if (m->n_places == 1 && g->slot_m == 0.0)
+        return 0;
+    double round_m = g->slot_m * (double)m->n_places;
+    if (fabs(g->stage_axis[1] * round_m) > SAME_M) {
+        *why = "a stage that stands at each position, or runs along x";
+        return -ENOTSUP;
+    }
+    double *x_m = malloc(m->n_places * n_lines * sizeof *x_m);
+    if (!x_m)
+        return -ENOMEM;
+    for (size_t j = 0; j < g->n_speakers; j++) {
+        double on_m = geometry_gone_on_m(g, j) + 0.5 * g->echo_m;
+        for (size_t x = 0; x < n_lines; x++)
+            x_m[geometry_place(g, j) * n_lines + x] = m->x_m[x] + g->stage_axis[0] * on_m;
+    }
+    for (size_t q = 0; q < n; q++)
+        m->ix[q] +=
+            (uint32_t)(geometry_place(g, q % m->n_pairs / g->n_microphones) * n_lines);
+    free(m->x_m);
+    m->x_m = x_m;
+    m->nx = m->n_places * n_lines;
+    return 0;
+}
+
+static int find_ranges(struct midpoints *m, size_t n)
+{
+    m->x_range = malloc(m->ny * sizeof *m->x_range);
+    if (!m->x_range)
+        return -ENOMEM;
+    for (size_t y = 0; y < m->ny; y++) {
+        m->x_range[y][0] = m->nx;
+        m->x_range[y][1] = 0;
+    }
+    for (size_t q = 0; q < n; q++) {
+        size_t *range = m->x_range[m->iy[q]], x = m->ix[q];
+        range[0] = x < range[0] ? x : range[0];
+        range[1] = x + 1 > range[1] ? x + 1 : range[1];
+    }
+    return 0;
+}
+
 static double half_offset(const struct geometry *g, size_t pair)
 {
     const double *s = g->speakers_m[pair / g->n_microphones];
@@ -85,6 +131,10 @@ int midpoints_create(struct midpoints **out, const struct geometry *g, const cha
     if (!err)
         err = sort_axis(g, m->n_pairs, 1, &m->y_m, &m->ny, &m->iy);
     if (!err)
+        err = add_places(m, g, why);
+    if (!err)
+        err = find_ranges(m, g->n_positions * m->n_pairs);
+    if (!err)
         err = sort_offsets(m, g);
     if (!err && m->nx * m->ny > MAX_CELLS) {
         *why = "midpoints on few lines of x and y (a straight array on a straight stage, "
@@ -105,6 +155,7 @@ void midpoints_destroy(struct midpoints *m)
         return;
     free(m->x_m);
     free(m->y_m);
+    free(m->x_range);
     free(m->ix);
     free(m->iy);
     free(m->half_offset_m);

@@ -13,12 +13,13 @@ struct midpoint_stack {
     const struct midpoints *midpoints;
     const struct statics *statics;
     size_t n_microphones, n_in, n_out;
+    size_t n_lines;                  /* of x, of one place of the stage */
     struct nmo *nmo;                 /* one of the two: */
     struct zero_offset *zero_offset; /* with dip moveout */
-    pthread_mutex_t *locks;          /* [nx]: a line of midpoints */
+    pthread_mutex_t *locks;          /* [n_lines]: of midpoints */
     float complex *gather;           /* [nx][ny][n_out] */
     float complex *turned;           /* [ny][nx][n_out], with dip moveout */
-    float *fold;                     /* [nx][ny] pairs in the stack */
+    float *fold;                     /* [n_lines][ny] pairs in the stack, of all places */
     float *weight;                   /* [nx][ny] 1 / fold */
 };
 
@@ -48,6 +49,10 @@ static int create_shifted(struct midpoint_stack *s,
 static int create_moveout(struct midpoint_stack *s,
                           const struct midpoint_stack_config *cfg, const char **why)
 {
+    if (cfg->dip && cfg->midpoints->n_places > 1) {
+        *why = "a stage that stands at each position for dip moveout";
+        return -ENOTSUP;
+    }
     if (cfg->dip) {
         const struct zero_offset_config z = {
             .geometry = cfg->geometry,
@@ -73,12 +78,11 @@ static int create_moveout(struct midpoint_stack *s,
 
 static int allocate(struct midpoint_stack *s)
 {
-    size_t nx = s->midpoints->nx;
     s->gather = calloc(cells(s) * s->n_out, sizeof *s->gather);
-    s->fold = calloc(cells(s), sizeof *s->fold);
+    s->fold = calloc(s->n_lines * s->midpoints->ny, sizeof *s->fold);
     s->weight = calloc(cells(s), sizeof *s->weight);
-    s->locks = malloc(nx * sizeof *s->locks);
-    for (size_t x = 0; s->locks && x < nx; x++)
+    s->locks = malloc(s->n_lines * sizeof *s->locks);
+    for (size_t x = 0; s->locks && x < s->n_lines; x++)
         pthread_mutex_init(&s->locks[x], NULL);
     if (s->zero_offset)
         s->turned = malloc(cells(s) * s->n_out * sizeof *s->turned);
@@ -95,6 +99,7 @@ int midpoint_stack_create(struct midpoint_stack **out,
         return -ENOMEM;
     s->midpoints = cfg->midpoints;
     s->statics = cfg->statics;
+    s->n_lines = s->midpoints->nx / s->midpoints->n_places;
     s->n_microphones = cfg->geometry->n_microphones;
     s->n_in = cfg->in.n_samples;
     s->n_out = cfg->out.n_samples;
@@ -113,7 +118,7 @@ void midpoint_stack_destroy(struct midpoint_stack *s)
 {
     if (!s)
         return;
-    for (size_t x = 0; s->locks && x < s->midpoints->nx; x++)
+    for (size_t x = 0; s->locks && x < s->n_lines; x++)
         pthread_mutex_destroy(&s->locks[x]);
     free(s->locks);
     free(s->gather);
@@ -139,12 +144,13 @@ void midpoint_stack_add(struct midpoint_stack *s, size_t position, size_t speake
         size_t pair = speaker * s->n_microphones + i;
         size_t moveout = s->statics ? statics_group(s->statics, position) + pair
                                     : m->offset[pair];
-        size_t x = m->ix[position * m->n_pairs + pair];
-        size_t cell = x * m->ny + m->iy[position * m->n_pairs + pair];
-        pthread_mutex_lock(&s->locks[x]);
-        nmo_stack(s->nmo, moveout, traces + i * s->n_in, s->gather + cell * s->n_out);
-        s->fold[cell] += 1.0f;
-        pthread_mutex_unlock(&s->locks[x]);
+        size_t x = m->ix[position * m->n_pairs + pair], line = x % s->n_lines;
+        size_t y = m->iy[position * m->n_pairs + pair];
+        pthread_mutex_lock(&s->locks[line]);
+        nmo_stack(s->nmo, moveout, traces + i * s->n_in,
+                  s->gather + (x * m->ny + y) * s->n_out);
+        s->fold[line * m->ny + y] += 1.0f;
+        pthread_mutex_unlock(&s->locks[line]);
     }
 }
 
@@ -165,8 +171,9 @@ void midpoint_stack_finish(struct midpoint_stack *s, const float complex **gathe
 {
     if (s->zero_offset)
         finish_dip(s);
+    size_t n = s->n_lines * s->midpoints->ny;
     for (size_t q = 0; !s->zero_offset && q < cells(s); q++)
-        s->weight[q] = s->fold[q] > 0.0f ? 1.0f / s->fold[q] : 0.0f;
+        s->weight[q] = s->fold[q % n] > 0.0f ? 1.0f / s->fold[q % n] : 0.0f;
     *gather = s->gather;
     *weight = s->weight;
 }
@@ -176,5 +183,5 @@ void midpoint_stack_reset(struct midpoint_stack *s)
     if (s->zero_offset)
         zero_offset_reset(s->zero_offset);
     memset(s->gather, 0, cells(s) * s->n_out * sizeof *s->gather);
-    memset(s->fold, 0, cells(s) * sizeof *s->fold);
+    memset(s->fold, 0, s->n_lines * s->midpoints->ny * sizeof *s->fold);
 }

@@ -3,7 +3,10 @@
  * would have recorded at the midpoints: moved out with their phase, and stacked so that
  * each midpoint counts once.  Without dip moveout (recon/coherent/nmo) echoes from aside
  * come out a little early; with it (recon/coherent/zero_offset) they do not, for evenly
- * spaced midpoints that take no static corrections. */
+ * spaced midpoints that take no static corrections.
+ *
+ * On a stage that does not stop no two pairs share a midpoint; those that would on one
+ * that stands count together as one. */
 #ifndef ANLOS_RECON_COHERENT_MIDPOINT_STACK_H
 #define ANLOS_RECON_COHERENT_MIDPOINT_STACK_H
 

@@ -27,8 +27,11 @@ static double coordinate(const struct geometry *g, size_t trace, int axis)
     return 0.5 * (s[axis] + m[axis]);
 }
 
-int fold_number(const struct geometry *g, uint32_t *cell, size_t *n_cells)
+/* On a stage that does not stop no two midpoints are the same: there those count as one
+ * that would be on one that stands. */
+int fold_number(const struct geometry *moving, uint32_t *cell, size_t *n_cells)
 {
+    const struct geometry standing = geometry_standing(moving), *g = &standing;
     size_t n = g->n_positions * g->n_speakers * g->n_microphones;
     struct middle *middles = calloc(n, sizeof *middles);
     double *values = malloc(n * sizeof *values), *lines = malloc(n * sizeof *lines);

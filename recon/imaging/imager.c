@@ -180,6 +180,11 @@ int imager_create(struct imager **out, const struct imager_config *cfg, const ch
                "(backprojection, sparse and incoherent image any geometry)";
         return -ENOTSUP;
     }
+    if (cfg->geometry->slot_m != 0.0 && !method->continuous) {
+        *why = "a stage that stands at each position (fast, backprojection and iterative "
+               "image one that does not stop)";
+        return -ENOTSUP;
+    }
     struct imager *im = calloc(1, sizeof *im);
     if (!im)
         return -ENOMEM;

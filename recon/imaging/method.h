@@ -8,6 +8,7 @@
 struct imager_method {
     const char *name;
     bool any_geometry; /* also pings with places of their own (geometry.pings_m) */
+    bool continuous;   /* also a stage that does not stop (geometry.slot_m) */
     bool isolates;     /* imager_isolates */
     bool adds;         /* imager_adds */
     bool clips;        /* imager_clips */

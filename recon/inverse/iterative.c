@@ -282,6 +282,10 @@ static int iterative_create(void **state, const struct imager_config *cfg,
         *why = "a base other than itself";
         return -ENOTSUP;
     }
+    if (!strcmp(o->base, "lct") && cfg->geometry->slot_m != 0.0) {
+        *why = "a stage that stands at each position for base lct";
+        return -ENOTSUP;
+    }
     struct iterative *it = calloc(1, sizeof *it);
     if (!it)
         return -ENOMEM;
@@ -416,6 +420,7 @@ static void iterative_reset(void *state)
 
 const struct imager_method method_iterative = {
     .name = "iterative",
+    .continuous = true,
     .fits = true,
     .create = iterative_create,
     .add = iterative_add,

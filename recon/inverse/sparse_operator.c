@@ -234,7 +234,7 @@ static void place_position(void *ctx, size_t k, size_t thread)
         if (e < g->n_speakers)
             geometry_speaker(g, k, e, from);
         else
-            geometry_microphone(g, k, e - g->n_speakers, from);
+            geometry_microphone(g, k, 0, e - g->n_speakers, from);
         for (size_t v = 0; v < s->n; v++) {
             double d[3];
             for (int a = 0; a < 3; a++)

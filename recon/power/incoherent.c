@@ -288,7 +288,7 @@ static void add_position(const struct incoherent *b, struct sweep *s, size_t k)
         if (e < g->n_speakers)
             geometry_speaker(g, k, e, at);
         else
-            geometry_microphone(g, k, e - g->n_speakers, at);
+            geometry_microphone(g, k, 0, e - g->n_speakers, at);
         element_delays(b, at, s->voxel, s->delay + e * BLOCK);
     }
     for (size_t pair = 0; pair < incoherent_pairs(b); pair++) {

@@ -108,7 +108,7 @@ static void find_centre(struct frames *f)
             if (e < g->n_speakers)
                 geometry_speaker(g, 0, e, at);
             else
-                geometry_microphone(g, 0, e - g->n_speakers, at);
+                geometry_microphone(g, 0, 0, e - g->n_speakers, at);
             for (int a = 0; a < 3; a++)
                 sum[a] += pass ? 0.0 : at[a];
             sum2 += pass ? pow(geometry_distance(at, f->centre_m), 2.0) : 0.0;

@@ -71,7 +71,7 @@ static void element_of(const struct frames_config *cfg, size_t speaker, size_t e
     if (e == 0)
         geometry_speaker(cfg->geometry, 0, speaker, out);
     else
-        geometry_microphone(cfg->geometry, 0, e - 1, out);
+        geometry_microphone(cfg->geometry, 0, speaker, e - 1, out);
 }
 
 bool frames_places(const struct frames_config *cfg, const struct frames_motion *motion,

@@ -143,7 +143,7 @@ static void add(struct wall_listener *l, const struct ping *ping, size_t microph
     struct geometry g;
     processing_geometry(&g, l->survey);
     geometry_speaker(&g, ping->position, ping->speaker, e.speaker_m);
-    geometry_microphone(&g, ping->position, microphone, e.microphone_m);
+    geometry_microphone(&g, ping->position, ping->speaker, microphone, e.microphone_m);
     double loudest = 0.0;
     for (size_t k = 0; k < arrived->n; k++)
         loudest = fmax(loudest, arrived->peaks[k].amplitude);

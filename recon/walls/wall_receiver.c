@@ -257,7 +257,7 @@ static void pick(const struct wall_receiver *r, const struct ping *ping,
     struct geometry g;
     processing_geometry(&g, r->survey);
     geometry_speaker(&g, ping->position, ping->speaker, speaker_m);
-    geometry_microphone(&g, ping->position, microphone, microphone_m);
+    geometry_microphone(&g, ping->position, ping->speaker, microphone, microphone_m);
     double direct_m = geometry_distance(speaker_m, microphone_m);
     const double path_m[2] = {
         direct_m + CLEARANCE_M,

@@ -71,7 +71,7 @@ void array_traces_fill(struct array_traces *a, const struct scatterer *points,
         double speaker[3], microphone[3];
         size_t j = q % pairs / g->n_microphones, i = q % g->n_microphones;
         geometry_speaker(g, q / pairs, j, speaker);
-        geometry_microphone(g, q / pairs, i, microphone);
+        geometry_microphone(g, q / pairs, j, i, microphone);
         speaker[2] += a->speaker_off_m[j];
         microphone[2] += a->microphone_off_m[i];
         float complex *trace = a->traces + q * n;

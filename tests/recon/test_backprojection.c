@@ -70,7 +70,7 @@ static double complex exact_sum(const struct rig *r, const struct scatterer *poi
     for (size_t q = 0; q < r->geometry.n_positions * 16; q++) {
         double s[3], m[3];
         geometry_speaker(&r->geometry, q / 16, q / 4 % 4, s);
-        geometry_microphone(&r->geometry, q / 16, q % 4, m);
+        geometry_microphone(&r->geometry, q / 16, 0, q % 4, m);
         double r_s = reference_distance(s, point->at_m);
         double r_m = reference_distance(m, point->at_m);
         double t = (reference_distance(s, voxel) + reference_distance(m, voxel)) / 343.0;
@@ -285,11 +285,11 @@ static double weight_of(const struct rig *r, size_t pair, size_t position)
 {
     double n = 0.0, s[3], m[3], other_s[3], other_m[3];
     geometry_speaker(&r->geometry, position, pair / 4, s);
-    geometry_microphone(&r->geometry, position, pair % 4, m);
+    geometry_microphone(&r->geometry, position, 0, pair % 4, m);
     for (size_t q = 0; q < r->geometry.n_positions * 16; q++) {
         bool same = true;
         geometry_speaker(&r->geometry, q / 16, q / 4 % 4, other_s);
-        geometry_microphone(&r->geometry, q / 16, q % 4, other_m);
+        geometry_microphone(&r->geometry, q / 16, 0, q % 4, other_m);
         for (int a = 0; a < 3; a++)
             same = same && fabs(s[a] + m[a] - other_s[a] - other_m[a]) < 1e-6;
         n += same;
@@ -306,7 +306,7 @@ static void expect_sums(const struct rig *r, const struct scatterer *points,
         double complex x = 0.0;
         double s[3], m[3];
         geometry_speaker(&r->geometry, q / 16, q / 4 % 4, s);
-        geometry_microphone(&r->geometry, q / 16, q % 4, m);
+        geometry_microphone(&r->geometry, q / 16, 0, q % 4, m);
         double t = (reference_distance(s, voxel) + reference_distance(m, voxel)) / 343.0;
         for (size_t p = 0; p < n_points; p++) {
             double r_s = reference_distance(s, points[p].at_m);

@@ -570,9 +570,53 @@ static void what_lies_before_a_lone_voxel_does_not_wrap_into_it(void **state)
     }
 }
 
+/* Whatever stands in the others of the gather.  Lines in another order, as of an aperture
+ * that is covered twice, are the same lines. */
+static void lines_that_a_range_leaves_out_are_silent(void **state)
+{
+    (void)state;
+    const struct scatterer point = {{0.03, -0.02, 1.1}, 1.0};
+    static const size_t range[NY][2] = {{0, 3}, {0, 5}, {1, 6}, {1, 6}, {2, 7},
+                                        {2, 7}, {3, 8}, {3, 8}, {4, 8}, {5, 8}};
+    static const size_t order[NX] = {0, 2, 4, 6, 1, 3, 5, 7};
+    struct site s, turned;
+    site_default(&s);
+    look(&s, 0.0, 0.0, 1.1);
+    size_t n = s.rig.format.n_samples;
+    float complex *gather = listen(&s, &point, 1);
+    float complex *other = malloc(NX * NY * n * sizeof *other);
+    assert_non_null(other);
+    s.cfg.x_range = range;
+    float *ranged = migrate_gather(&s, gather, 1);
+    for (size_t q = 0; q < NX * NY; q++)
+        if (q / NY < range[q % NY][0] || q / NY >= range[q % NY][1])
+            memset(gather + q * n, 0, n * sizeof *gather);
+    s.cfg.x_range = NULL;
+    float *silent = migrate_gather(&s, gather, 1);
+    assert_below(rig_difference(&s.rig, ranged, silent), 1e-6);
+    memcpy(&turned, &s, sizeof s);
+    turned.cfg.y_m = turned.y_m;
+    turned.cfg.x_m = turned.x_m;
+    turned.cfg.copies = 2;
+    for (size_t x = 0; x < NX; x++) {
+        turned.x_m[x] = s.x_m[order[x]];
+        memcpy(other + x * NY * n, gather + order[x] * NY * n, NY * n * sizeof *other);
+    }
+    float *twice = migrate_gather(&turned, other, 1);
+    for (size_t v = 0; v < grid_size(&s.rig.grid); v++)
+        twice[v] *= 0.25f; /* amplitudes are those of half as many lines */
+    assert_below(rig_difference(&s.rig, twice, silent), 1e-4);
+    free(gather);
+    free(other);
+    free(ranged);
+    free(silent);
+    free(twice);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(lines_that_a_range_leaves_out_are_silent),
         cmocka_unit_test(the_image_is_the_sum_over_all_plane_waves),
         cmocka_unit_test(steps_may_be_finer_than_any_wave),
         cmocka_unit_test(midpoints_may_stand_on_uneven_lines),

@@ -38,7 +38,7 @@ static void elements_ride_along_the_stage_axis(void **state)
     for (size_t k = 0; k < 4; k++) {
         double s[3], m[3];
         geometry_speaker(&g, k, 2, s);
-        geometry_microphone(&g, k, 4, m);
+        geometry_microphone(&g, k, 0, 4, m);
         double d = e.positions_m[k];
         const double by[3] = {0.6 * d, 0.0, -0.8 * d};
         for (int a = 0; a < 3; a++) {

@@ -149,7 +149,7 @@ static void brute_delays(const struct rig *r, double out[2])
         for (size_t q = 0; q < g->n_positions * g->n_speakers * g->n_microphones; q++) {
             size_t k = q / (g->n_speakers * g->n_microphones);
             geometry_speaker(g, k, q / g->n_microphones % g->n_speakers, s);
-            geometry_microphone(g, k, q % g->n_microphones, m);
+            geometry_microphone(g, k, 0, q % g->n_microphones, m);
             double t = (reference_distance(s, p) + reference_distance(m, p)) /
                        g->sound_speed_m_s;
             out[0] = fmin(out[0], t);

@@ -142,7 +142,7 @@ static void record_clipped(double full, size_t which)
         float raw[2048] = {0.0f};
         double s[3], m[3];
         geometry_speaker(g, q / 64, q / 8 % 8, s);
-        geometry_microphone(g, q / 64, q % 8, m);
+        geometry_microphone(g, q / 64, 0, q % 8, m);
         double path_m = reference_distance(s, hard.point.at_m) +
                         reference_distance(m, hard.point.at_m);
         double stop = which == 8 || which == q % 8 ? full : 1.0;

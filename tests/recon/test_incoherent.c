@@ -45,7 +45,7 @@ static double reference_voxel(const struct rig *r, const uint32_t *cell, size_t 
     for (size_t t = 0; t < n; t++) {
         double s[3], m[3], fold = 0.0;
         geometry_speaker(g, t / pairs, t % pairs / g->n_microphones, s);
-        geometry_microphone(g, t / pairs, t % pairs % g->n_microphones, m);
+        geometry_microphone(g, t / pairs, 0, t % pairs % g->n_microphones, m);
         for (size_t q = 0; q < n; q++)
             fold += cell[q] == cell[t];
         double rs = reference_distance(s, p->at_m), rm = reference_distance(m, p->at_m);

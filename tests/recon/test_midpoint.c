@@ -45,7 +45,7 @@ static void expect_sorted(const struct geometry *g, const struct midpoints *m)
         size_t k = q / m->n_pairs, pair = q % m->n_pairs;
         double at[3], mic[3];
         geometry_speaker(g, k, pair / g->n_microphones, at);
-        geometry_microphone(g, k, pair % g->n_microphones, mic);
+        geometry_microphone(g, k, 0, pair % g->n_microphones, mic);
         assert_true(m->ix[q] < m->nx && m->iy[q] < m->ny);
         assert_true(m->offset[pair] < m->n_offsets);
         assert_near(m->x_m[m->ix[q]], 0.5 * (at[0] + mic[0]), 1e-3);

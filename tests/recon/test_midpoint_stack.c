@@ -153,7 +153,7 @@ static size_t count_pairs(const struct bench *b, size_t cell, const bool *masked
         for (size_t i = 0; i < g->n_microphones; i++) {
             double s[3], m[3];
             geometry_speaker(g, p / g->n_speakers, p % g->n_speakers, s);
-            geometry_microphone(g, p / g->n_speakers, i, m);
+            geometry_microphone(g, p / g->n_speakers, 0, i, m);
             n += !(masked && masked[i]) && fabs(0.5 * (s[0] + m[0]) - x_m) < 1e-3 &&
                  fabs(0.5 * (s[1] + m[1]) - y_m) < 1e-3;
         }

@@ -75,7 +75,7 @@ static double migrated(const struct rig *r, const double point[3], const double 
         for (size_t q = 0; q < 16; q++) {
             double s[3], m[3], middle[3];
             geometry_speaker(&r->geometry, k, q / 4, s);
-            geometry_microphone(&r->geometry, k, q % 4, m);
+            geometry_microphone(&r->geometry, k, 0, q % 4, m);
             for (int a = 0; a < 3; a++)
                 middle[a] = 0.5 * (s[a] + m[a]);
             double path = reference_distance(point, s) + reference_distance(point, m);

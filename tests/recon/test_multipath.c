@@ -284,7 +284,7 @@ static size_t image_and_find(const struct rig *r, const struct scatterer at[2],
             for (size_t m = 0; m < g->n_microphones; m++) {
                 double speaker[3], microphone[3];
                 geometry_speaker(g, q, s, speaker);
-                geometry_microphone(g, q, m, microphone);
+                geometry_microphone(g, q, 0, m, microphone);
                 hear(r, speaker, microphone, at, bounced, traces + m * n_samples);
             }
             imager_add(im, q, s, traces, NULL);

@@ -55,7 +55,7 @@ static void add_mirror(const struct rig *r, struct imager *im)
         for (size_t q = 0; q < 6 * f->n_samples; q++) {
             double s[3], m[3], t = f->t0_s + (double)(q % f->n_samples) / f->rate_hz;
             geometry_speaker(&r->geometry, p / 6, p % 6, s);
-            geometry_microphone(&r->geometry, p / 6, q / f->n_samples, m);
+            geometry_microphone(&r->geometry, p / 6, 0, q / f->n_samples, m);
             double path_m = hypot(2.6, hypot(s[0] - m[0], s[1] - m[1]));
             traces[q] = (float complex)reference_echo(r->band_hz, f->carrier_hz,
                                                       path_m / 343.0, t);

@@ -119,7 +119,7 @@ static void a_scan_told_ping_by_ping_is_the_same_image(void **state)
     float *own = calloc(grid_size(&r.grid), sizeof *own);
     for (size_t t = 0; t < n; t++) {
         geometry_speaker(&r.geometry, t / (n_s * n_m), t / n_m % n_s, pings[t][0]);
-        geometry_microphone(&r.geometry, t / (n_s * n_m), t % n_m, pings[t][1]);
+        geometry_microphone(&r.geometry, t / (n_s * n_m), 0, t % n_m, pings[t][1]);
     }
     struct geometry g = r.geometry;
     g.n_speakers = g.n_microphones = 1;
@@ -201,7 +201,7 @@ static void elements_are_where_their_ping_says(void **state)
     assert_int_equal(geometry_copy(&copy, &t.geometry), 0);
     geometry_speaker(&copy, 45, 0, at);
     assert_memory_equal(at, t.pings_m[45][0], sizeof at);
-    geometry_microphone(&copy, 46, 0, at);
+    geometry_microphone(&copy, 46, 0, 0, at);
     assert_memory_equal(at, t.pings_m[46][1], sizeof at);
     geometry_aperture(&copy, low, high);
     /* Midpoints go around on a circle of hypot(0.85, 0.035). */

@@ -42,7 +42,7 @@ static double intensity(const struct rig *r, const double at_m[3],
         for (size_t q = 0; q < g->n_speakers * g->n_microphones; q++) {
             double s[3], m[3];
             geometry_speaker(g, k, q / g->n_microphones, s);
-            geometry_microphone(g, k, q % g->n_microphones, m);
+            geometry_microphone(g, k, 0, q % g->n_microphones, m);
             double late_m = geometry_distance(at_m, s) + geometry_distance(at_m, m) -
                             geometry_distance(voxel_m, s) - geometry_distance(voxel_m, m);
             double fold = 9.0 - fabs((double)(q / 9 + q % 9) - 8.0);

@@ -61,7 +61,7 @@ static double path_s(const struct geometry *g, size_t position, size_t pair)
     double speaker[3], microphone[3];
 
     geometry_speaker(g, position, pair / MICROPHONES, speaker);
-    geometry_microphone(g, position, pair % MICROPHONES, microphone);
+    geometry_microphone(g, position, pair / MICROPHONES, pair % MICROPHONES, microphone);
     return (geometry_distance(speaker, target_m) +
             geometry_distance(microphone, target_m)) /
            343.0;

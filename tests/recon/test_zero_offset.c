@@ -133,7 +133,7 @@ static void add_planes(struct bench *b, const struct plane *planes, size_t n_pla
         for (size_t i = 0; i < g->n_microphones; i++) {
             double s[3], m[3];
             geometry_speaker(g, k, j, s);
-            geometry_microphone(g, k, i, m);
+            geometry_microphone(g, k, 0, i, m);
             masked[i] = (int)i == microphone;
             for (size_t n = 0; n < SAMPLES; n++) {
                 double t = f->t0_s + (double)n / f->rate_hz;

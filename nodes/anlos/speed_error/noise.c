@@ -54,7 +54,7 @@ int bench_bound(struct bench_bound *out, const struct geometry *g, const double 
     for (size_t p = 0; p < pairs * g->n_positions; p++) {
         double s[3], m[3], d[3] = {0}, w = snr[p] * 4.0 * M_PI * M_PI;
         geometry_speaker(g, p / pairs, p % pairs / n_m, s);
-        geometry_microphone(g, p / pairs, p % n_m, m);
+        geometry_microphone(g, p / pairs, p % pairs / n_m, p % n_m, m);
         add_gradient(d, at_m, s, g->sound_speed_m_s);
         add_gradient(d, at_m, m, g->sound_speed_m_s);
         weight += w;
@@ -260,7 +260,7 @@ static double echo_energy(const struct bench_trials *t, size_t position, size_t 
     const double *p = t->scene->truth.points_m[0];
     double a[3], b[3], way_m = 0.0, sum = 0.0;
     geometry_speaker(&t->processing.geometry, position, speaker, a);
-    geometry_microphone(&t->processing.geometry, position, microphone, b);
+    geometry_microphone(&t->processing.geometry, position, speaker, microphone, b);
     way_m = hypot(hypot(p[0] - a[0], p[1] - a[1]), p[2] - a[2]) +
             hypot(hypot(p[0] - b[0], p[1] - b[1]), p[2] - b[2]);
     size_t first =
