@@ -12,6 +12,7 @@
 struct stage {
     const struct stage_ops *ops;
     void *state;
+    const struct clock_source *clock;
 };
 
 static const struct stage_ops *const backends[] = {&stage_sim_ops, &stage_none_ops,
@@ -36,6 +37,7 @@ int stage_open(struct stage **out, const char *uri, const struct clock_source *c
     if (!s)
         return error_say(why, -ENOMEM, "%s: out of memory", uri);
     s->ops = ops;
+    s->clock = clock;
     struct error inner = {.text = ""};
     int err = ops->open(&s->state, arg, clock, &inner);
     if (err) {
@@ -50,7 +52,16 @@ int stage_move(struct stage *s, double target_m)
 {
     if (!isfinite(target_m))
         return -ERANGE;
-    return s->ops->move(s->state, target_m);
+    return s->ops->move(s->state, target_m, 0);
+}
+
+int stage_move_at(struct stage *s, double target_m, double speed_m_s)
+{
+    if (!isfinite(target_m))
+        return -ERANGE;
+    if (!(speed_m_s > 0) || !isfinite(speed_m_s))
+        return -EDOM;
+    return s->ops->move(s->state, target_m, speed_m_s);
 }
 
 int stage_home(struct stage *s)
@@ -65,7 +76,8 @@ int stage_stop(struct stage *s)
 
 void stage_status(struct stage *s, struct stage_status *out)
 {
-    *out = (struct stage_status){.motion = STAGE_IDLE, .homed = true};
+    *out = (struct stage_status){
+        .motion = STAGE_IDLE, .at_ns = clock_now_ns(s->clock), .homed = true};
     s->ops->status(s->state, out);
 }
 

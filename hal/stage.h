@@ -25,6 +25,7 @@ enum stage_motion { STAGE_IDLE, STAGE_MOVING, STAGE_SETTLING, STAGE_FAULT };
 struct stage_status {
     enum stage_motion motion;
     double position_m;
+    int64_t at_ns; /* when it was there */
     double target_m;
     bool homed;                 /* its place is known */
     char text[STAGE_TEXT_SIZE]; /* of a fault */
@@ -35,10 +36,11 @@ struct stage_ops {
     const char *scheme;
     int (*open)(void **state, const char *arg, const struct clock_source *clock,
                 struct error *why);
-    int (*move)(void *state, double target_m); /* as stage_move; target_m is finite */
+    /* As stage_move_at; both are finite, speed_m_s from 0: its own. */
+    int (*move)(void *state, double target_m, double speed_m_s);
     int (*home)(void *state);
     int (*stop)(void *state);
-    /* *out comes idle, homed and without text. */
+    /* *out comes idle, homed, without text and as of now. */
     void (*status)(void *state, struct stage_status *out);
     /* May be NULL: nothing is counted. */
     size_t (*counts)(void *state, struct device_count out[DEVICE_MAX_COUNTS]);
@@ -54,6 +56,10 @@ int stage_open(struct stage **out, const char *uri, const struct clock_source *c
 /* Starts a move and returns; a move under way is replaced.  0, -ERANGE (soft limits),
  * -ESTALE (its place is lost: home it). */
 int stage_move(struct stage *s, double target_m);
+
+/* The same at a speed of its own: between its ramps it goes at speed_m_s all the way.
+ * 0, as stage_move, -EDOM (it does not go so fast, or moves without taking time). */
+int stage_move_at(struct stage *s, double target_m, double speed_m_s);
 
 /* Starts to look for its place, which also ends a fault.  0, -errno. */
 int stage_home(struct stage *s);

@@ -41,11 +41,12 @@ static int work_home(void *state, char text[STAGE_TEXT_SIZE])
     return say(s, stepper_axis_home(&s->axis), text);
 }
 
-static int work_move(void *state, double target_m, char text[STAGE_TEXT_SIZE])
+static int work_move(void *state, double target_m, double speed_m_s,
+                     char text[STAGE_TEXT_SIZE])
 {
     struct stage_gpiod *s = state;
 
-    return say(s, stepper_axis_move(&s->axis, target_m), text);
+    return say(s, stepper_axis_move(&s->axis, target_m, speed_m_s), text);
 }
 
 static int work_rest(void *state, int wake_fd, char text[STAGE_TEXT_SIZE])
@@ -99,13 +100,15 @@ static int gpiod_open(void **state, const char *arg, const struct clock_source *
     return err;
 }
 
-static int gpiod_move(void *state, double target_m)
+static int gpiod_move(void *state, double target_m, double speed_m_s)
 {
     struct stage_gpiod *s = state;
 
     if (target_m < s->axis.cfg.min_m || target_m > s->axis.cfg.max_m)
         return -ERANGE;
-    return stage_worker_move(s->worker, target_m);
+    if (speed_m_s > s->axis.cfg.speed_m_s)
+        return -EDOM;
+    return stage_worker_move(s->worker, target_m, speed_m_s);
 }
 
 static int gpiod_home(void *state)

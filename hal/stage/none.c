@@ -16,9 +16,11 @@ static int none_open(void **state, const char *arg, const struct clock_source *c
     return 0;
 }
 
-static int none_move(void *state, double target_m)
+static int none_move(void *state, double target_m, double speed_m_s)
 {
     (void)state;
+    if (speed_m_s > 0)
+        return -EDOM;
     return target_m == 0 ? 0 : -ERANGE;
 }
 

@@ -89,18 +89,20 @@ device:
     return err;
 }
 
-static int sim_move(void *state, double target_m)
+static int sim_move(void *state, double target_m, double speed_m_s)
 {
     struct stage_sim *s = state;
     double v, x = trapezoid_at(&s->motion, elapsed_s(s), &v);
     if (target_m < s->min_m || target_m > s->max_m)
         return -ERANGE;
+    if (speed_m_s > s->speed_m_s || (speed_m_s > 0 && s->fast))
+        return -EDOM;
     double reached_m = target_m + s->error_m * random_normal(&s->random);
     if (s->fast)
         s->motion = (struct trapezoid){.start = reached_m};
     else
-        trapezoid_plan(&s->motion, x, fabs(v) < 1e-9 ? 0 : v, reached_m, s->speed_m_s,
-                       s->acceleration_m_s2);
+        trapezoid_plan(&s->motion, x, fabs(v) < 1e-9 ? 0 : v, reached_m,
+                       speed_m_s > 0 ? speed_m_s : s->speed_m_s, s->acceleration_m_s2);
     s->start_ns = clock_now_ns(s->clock);
     s->target_m = target_m;
     return 0;
@@ -109,7 +111,7 @@ static int sim_move(void *state, double target_m)
 /* It always knows where it is. */
 static int sim_home(void *state)
 {
-    return sim_move(state, 0);
+    return sim_move(state, 0, 0);
 }
 
 static int sim_stop(void *state)

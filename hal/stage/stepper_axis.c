@@ -285,7 +285,7 @@ static unsigned switch_behind(const struct stepper_axis *a, int64_t target)
 }
 
 /* Ignores a closed switch only where the axis stands on it. */
-static int go_to(struct stepper_axis *a, int64_t target)
+static int go_to(struct stepper_axis *a, int64_t target, double speed_m_s)
 {
     unsigned active, behind = switch_behind(a, target);
     int err = a->stepper.io.inputs(a->stepper.io.state, &active);
@@ -296,10 +296,11 @@ static int go_to(struct stepper_axis *a, int64_t target)
         return 0;
     if (active & ~behind)
         return lose_by_switch(a, active & ~behind);
-    return go(a, target, a->cfg.speed_m_s, 0, active & behind);
+    return go(a, target, speed_m_s > 0 ? speed_m_s : a->cfg.speed_m_s, 0,
+              active & behind);
 }
 
-int stepper_axis_move(struct stepper_axis *a, double target_m)
+int stepper_axis_move(struct stepper_axis *a, double target_m, double speed_m_s)
 {
     const struct stepper_axis_config *c = &a->cfg;
 
@@ -312,12 +313,12 @@ int stepper_axis_move(struct stepper_axis *a, double target_m)
     int64_t way = (target - a->stepper.position) * away(a);
     int64_t slack = steps(a, c->backlash_m);
     if (!way)
-        return go_to(a, target);
+        return go_to(a, target, 0);
     bool taut = a->taut && way > 0;
     a->taut = false;
-    int err = taut || way >= slack || !slack ? 0 : go_to(a, target - away(a) * slack);
+    int err = taut || way >= slack || !slack ? 0 : go_to(a, target - away(a) * slack, 0);
     if (!err)
-        err = go_to(a, target);
+        err = go_to(a, target, speed_m_s);
     a->taut = !err;
     return err;
 }

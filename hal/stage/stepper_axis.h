@@ -37,9 +37,10 @@ double stepper_axis_position_m(const struct stepper_axis *a);
 
 /* Both block until the axis is at rest.  0, -ECANCELED (braked, place known), or: place
  * lost, text says why: -EIO (a limit, no home switch found), -ESHUTDOWN (emergency stop),
- * another negative errno (the lines).  move: -ERANGE, -ESTALE (place not known). */
+ * another negative errno (the lines).  move: -ERANGE, -ESTALE (place not known);
+ * speed_m_s 0: the axis' own. */
 int stepper_axis_home(struct stepper_axis *a);
-int stepper_axis_move(struct stepper_axis *a, double target_m);
+int stepper_axis_move(struct stepper_axis *a, double target_m, double speed_m_s);
 
 /* At rest: looks at the switches.  0, or as above. */
 int stepper_axis_watch(struct stepper_axis *a);

@@ -23,10 +23,12 @@ struct stage_worker {
     pthread_t thread;
     int wake_fd;
     atomic_bool cancelled;
+    atomic_uint place_changes; /* odd: it is being written; then read it again */
     _Atomic double position_m;
-    pthread_mutex_t lock; /* for what follows */
+    _Atomic int64_t at_ns; /* when it was there */
+    pthread_mutex_t lock;  /* for what follows */
     enum wish wish;
-    double wish_m;
+    double wish_m, wish_m_s;
     struct stage_status status; /* motion: IDLE, MOVING or FAULT */
     int64_t rest_ns;            /* since when it stands still */
 };
@@ -47,13 +49,15 @@ static void come_to_rest(struct stage_worker *w)
     w->rest_ns = clock_now_ns(w->clock);
 }
 
-static enum wish take_wish(struct stage_worker *w, double *target_m, bool *home_first)
+static enum wish take_wish(struct stage_worker *w, double *target_m, double *speed_m_s,
+                           bool *home_first)
 {
     uint64_t times;
 
     pthread_mutex_lock(&w->lock);
     enum wish wish = w->wish;
     *target_m = w->wish_m;
+    *speed_m_s = w->wish_m_s;
     *home_first = wish == MOVE && !w->status.homed;
     if (wish == HOME) { /* the fault may be newer than the wish */
         w->status.motion = STAGE_MOVING;
@@ -80,8 +84,8 @@ static int home(struct stage_worker *w, char *text)
     return err;
 }
 
-static int grant(struct stage_worker *w, enum wish wish, double target_m, bool home_first,
-                 char *text)
+static int grant(struct stage_worker *w, enum wish wish, double target_m,
+                 double speed_m_s, bool home_first, char *text)
 {
     int err = 0;
 
@@ -91,7 +95,7 @@ static int grant(struct stage_worker *w, enum wish wish, double target_m, bool h
     case MOVE:
         if (home_first)
             err = home(w, text);
-        return err ? err : w->ops->move(w->device, target_m, text);
+        return err ? err : w->ops->move(w->device, target_m, speed_m_s, text);
     case STOP:
         return w->ops->stop ? w->ops->stop(w->device, text) : 0;
     default:
@@ -121,12 +125,12 @@ static void *work(void *state)
 
     for (;;) {
         char text[STAGE_TEXT_SIZE] = "";
-        double target_m;
+        double target_m, speed_m_s;
         bool home_first;
-        enum wish wish = take_wish(w, &target_m, &home_first);
+        enum wish wish = take_wish(w, &target_m, &speed_m_s, &home_first);
         if (wish == QUIT)
             return NULL;
-        conclude(w, wish, grant(w, wish, target_m, home_first, text), text);
+        conclude(w, wish, grant(w, wish, target_m, speed_m_s, home_first, text), text);
     }
 }
 
@@ -158,7 +162,9 @@ int stage_worker_create(struct stage_worker **out, const struct stage_worker_con
     w->status = (struct stage_status){
         .motion = STAGE_IDLE, .homed = cfg->homed, .target_m = cfg->position_m};
     atomic_init(&w->cancelled, false);
+    atomic_init(&w->place_changes, 0);
     atomic_init(&w->position_m, cfg->position_m);
+    atomic_init(&w->at_ns, clock_now_ns(clock));
     pthread_mutex_init(&w->lock, NULL);
     if (!cfg->homed && !cfg->home_first)
         fault(w, 0, "its place is not known: home it");
@@ -176,18 +182,19 @@ int stage_worker_create(struct stage_worker **out, const struct stage_worker_con
 }
 
 /* With the lock held. */
-static void ask(struct stage_worker *w, enum wish wish, double target_m)
+static void ask(struct stage_worker *w, enum wish wish, double target_m, double speed_m_s)
 {
     const uint64_t once = 1;
 
     w->wish = wish;
     w->wish_m = target_m;
+    w->wish_m_s = speed_m_s;
     atomic_store(&w->cancelled, true);
     if (write(w->wake_fd, &once, sizeof once) < 0)
         w->wish = wish; /* it is awake already: the counter is full */
 }
 
-int stage_worker_move(struct stage_worker *w, double target_m)
+int stage_worker_move(struct stage_worker *w, double target_m, double speed_m_s)
 {
     int err = 0;
 
@@ -197,7 +204,7 @@ int stage_worker_move(struct stage_worker *w, double target_m)
     } else {
         w->status.motion = STAGE_MOVING;
         w->status.target_m = target_m;
-        ask(w, MOVE, target_m);
+        ask(w, MOVE, target_m, speed_m_s);
     }
     pthread_mutex_unlock(&w->lock);
     return err;
@@ -209,7 +216,7 @@ int stage_worker_home(struct stage_worker *w)
     w->status.motion = STAGE_MOVING;
     w->status.homed = false;
     w->status.text[0] = '\0';
-    ask(w, HOME, 0);
+    ask(w, HOME, 0, 0);
     pthread_mutex_unlock(&w->lock);
     return 0;
 }
@@ -218,16 +225,28 @@ int stage_worker_stop(struct stage_worker *w)
 {
     pthread_mutex_lock(&w->lock);
     if (w->status.motion == STAGE_MOVING)
-        ask(w, STOP, 0);
+        ask(w, STOP, 0, 0);
     pthread_mutex_unlock(&w->lock);
     return 0;
+}
+
+/* Of one moment, without ever holding up the thread that moves it. */
+static void read_place(struct stage_worker *w, struct stage_status *out)
+{
+    unsigned before;
+
+    do {
+        before = atomic_load(&w->place_changes);
+        out->position_m = atomic_load(&w->position_m);
+        out->at_ns = atomic_load(&w->at_ns);
+    } while (before % 2 || before != atomic_load(&w->place_changes));
 }
 
 void stage_worker_status(struct stage_worker *w, struct stage_status *out)
 {
     pthread_mutex_lock(&w->lock);
     *out = w->status;
-    out->position_m = atomic_load(&w->position_m);
+    read_place(w, out);
     if (out->motion == STAGE_IDLE &&
         clock_now_ns(w->clock) < w->rest_ns + (int64_t)(1e9 * w->cfg.settle_s))
         out->motion = STAGE_SETTLING;
@@ -244,9 +263,17 @@ int stage_worker_wake_fd(const struct stage_worker *w)
     return w->wake_fd;
 }
 
+void stage_worker_was_at(struct stage_worker *w, double position_m, int64_t at_ns)
+{
+    atomic_fetch_add(&w->place_changes, 1);
+    atomic_store(&w->position_m, position_m);
+    atomic_store(&w->at_ns, at_ns);
+    atomic_fetch_add(&w->place_changes, 1);
+}
+
 void stage_worker_at(struct stage_worker *w, double position_m)
 {
-    atomic_store(&w->position_m, position_m);
+    stage_worker_was_at(w, position_m, clock_now_ns(w->clock));
 }
 
 void stage_worker_note(struct stage_worker *w, const char *note)
@@ -261,7 +288,7 @@ void stage_worker_destroy(struct stage_worker *w)
     if (!w)
         return;
     pthread_mutex_lock(&w->lock);
-    ask(w, QUIT, 0);
+    ask(w, QUIT, 0, 0);
     pthread_mutex_unlock(&w->lock);
     pthread_join(w->thread, NULL);
     close(w->wake_fd);

@@ -21,6 +21,9 @@ struct zaber_drive {
     struct stage_worker
         *worker;       /* whom to tell the place, and to ask for newer commands */
     double m_per_step; /* of a microstep */
+    double speed;      /* its own, as the device has it */
+    bool slowed;       /* another one is set now */
+    const struct clock_source *clock;
     bool homed;
     double rest_m;   /* where it was left */
     char warning[3]; /* the flag that was noted last */
@@ -32,6 +35,7 @@ struct zaber_facts {
     double resolution; /* microsteps of a full step */
     double min, max;   /* microsteps */
     double position;   /* microsteps */
+    double speed;      /* 1.6384 times microsteps/s */
     bool homed;
     bool fault; /* it has stopped by itself: a person has to look */
 };
@@ -39,6 +43,7 @@ struct zaber_facts {
 #define POLL_MS     50  /* of a device that moves */
 #define REST_MS     500 /* of one that does not */
 #define TOLERANCE_M 2e-5
+#define SPEED_UNIT  1.6384 /* in a microstep per second */
 
 /* Why a question came to nothing, for a person. */
 static int error_say_of(int err, const char *command, const struct zaber_message *reply,
@@ -99,17 +104,20 @@ static int judge(struct zaber_drive *z, const struct zaber_message *m,
     }
 }
 
-/* Where it is, and whether it moves. */
+/* Where it is, and whether it moves.  It looks when it has been asked and before it
+ * answers: in the middle, to half of what that takes. */
 static int look(struct zaber_drive *z, struct zaber_message *m, double *position_m,
                 char text[STAGE_TEXT_SIZE])
 {
     double steps;
+    int64_t asked_ns = clock_now_ns(z->clock);
     int err = ask_number(&z->port, "get pos", &steps, m, text);
+    int64_t took_ns = clock_now_ns(z->clock) - asked_ns;
 
     if (err)
         return err;
     *position_m = steps * z->m_per_step;
-    stage_worker_at(z->worker, *position_m);
+    stage_worker_was_at(z->worker, *position_m, asked_ns + took_ns / 2);
     return 0;
 }
 
@@ -190,16 +198,41 @@ static int zaber_drive_home(void *drive, char text[STAGE_TEXT_SIZE])
     return 0;
 }
 
-static int zaber_drive_move(void *drive, double target_m, char text[STAGE_TEXT_SIZE])
+/* 0: its own.  The device keeps what is set, also when it is switched off: its own is set
+ * again before anything else. */
+static int set_speed(struct zaber_drive *z, double speed_m_s, char text[STAGE_TEXT_SIZE])
+{
+    struct zaber_message m;
+    double speed = speed_m_s > 0 ? speed_m_s / z->m_per_step * SPEED_UNIT : z->speed;
+
+    if (!z->slowed && !(speed_m_s > 0))
+        return 0;
+    int err = zaber_port_ask(&z->port, &m, "set maxspeed %lld", llround(speed));
+    if (err)
+        return error_say_of(err, "set maxspeed", &m, text);
+    z->slowed = speed_m_s > 0;
+    return 0;
+}
+
+static int zaber_drive_move(void *drive, double target_m, double speed_m_s,
+                            char text[STAGE_TEXT_SIZE])
 {
     struct zaber_drive *z = drive;
     struct zaber_message m;
     long long steps = llround(target_m / z->m_per_step);
-    int err = zaber_port_ask(&z->port, &m, "move abs %lld", steps);
+    int err = set_speed(z, speed_m_s, text);
 
+    if (err)
+        return fail(z, err);
+    err = zaber_port_ask(&z->port, &m, "move abs %lld", steps);
     if (err)
         return fail(z, error_say_of(err, "move abs", &m, text));
     err = follow(z, false, &z->rest_m, text);
+    if (!err || err == -ECANCELED) {
+        int slow = set_speed(z, 0, text);
+        if (slow)
+            return fail(z, slow);
+    }
     if (err == -ECANCELED)
         return err;
     if (!err && fabs(z->rest_m - target_m) > TOLERANCE_M + z->m_per_step) {
@@ -252,6 +285,8 @@ static int zaber_drive_ask(struct zaber_drive *z, struct zaber_facts *facts,
     if (!err)
         err = ask_number(&z->port, "get limit.max", &facts->max, &m, text);
     if (!err)
+        err = ask_number(&z->port, "get maxspeed", &facts->speed, &m, text);
+    if (!err)
         err = ask_number(&z->port, "get pos", &facts->position, &m, text);
     facts->homed = !err && zaber_warning(m.warning, &words) < ZABER_UNHOMED;
     facts->fault = !err && zaber_warning(m.warning, &words) == ZABER_FAULT;
@@ -281,6 +316,7 @@ static int introduce(struct stage_zaber *s, const struct stage_zaber_options *o,
         return error_say(why, err, "%s: %s", s->path, text);
     double m = 1e-3 * o->pitch_mm / (o->steps * facts.resolution);
     s->drive.m_per_step = m;
+    s->drive.speed = facts.speed;
     s->drive.rest_m = facts.position * m;
     s->drive.homed = facts.homed;
     s->fault = facts.fault;
@@ -299,6 +335,7 @@ static int start(struct stage_zaber *s, const struct stage_zaber_options *o,
     s->path = strdup(o->port.path);
     if (!s->path)
         return error_say(why, -ENOMEM, "out of memory");
+    s->drive.clock = clock;
     port.path = s->path;
     int err = zaber_port_open(&s->drive.port, &port, why);
     if (!err)
@@ -316,9 +353,12 @@ static void zaber_close(void *state)
 {
     struct stage_zaber *s = state;
 
+    char text[STAGE_TEXT_SIZE];
+
     stage_worker_destroy(s->drive.worker);
     if (s->drive.worker)
         zaber_port_shout(&s->drive.port, "stop");
+    set_speed(&s->drive, 0, text);
     zaber_port_close(&s->drive.port);
     free(s->path);
     free(s);
@@ -346,13 +386,15 @@ static int zaber_open(void **state, const char *arg, const struct clock_source *
     return err;
 }
 
-static int zaber_move(void *state, double target_m)
+static int zaber_move(void *state, double target_m, double speed_m_s)
 {
     struct stage_zaber *s = state;
 
     if (target_m < s->min_m || target_m > s->max_m)
         return -ERANGE;
-    return stage_worker_move(s->drive.worker, target_m);
+    if (speed_m_s / s->drive.m_per_step * SPEED_UNIT > s->drive.speed)
+        return -EDOM;
+    return stage_worker_move(s->drive.worker, target_m, speed_m_s);
 }
 
 static int zaber_home(void *state)

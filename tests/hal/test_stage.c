@@ -50,6 +50,32 @@ static void a_long_move_is_a_trapezoid(void **state)
     stage_close(s);
 }
 
+/* 0.062 m/s: 0.124 s and 3.844 mm of acceleration, then straight on. */
+static void a_move_goes_as_fast_as_it_is_told(void **state)
+{
+    struct fake_clock clock;
+    struct stage *s = open_stage("sim:?error=0", &clock);
+    struct stage_status status;
+    (void)state;
+    assert_int_equal(stage_move_at(s, 1, 0.062), 0);
+    assert_at(s, &clock, 1, STAGE_MOVING, 0.003844 + 0.062 * (1 - 0.124));
+    assert_at(s, &clock, 10, STAGE_MOVING, 0.003844 + 0.062 * (10 - 0.124));
+    clock.now_ns += 123;
+    stage_status(s, &status);
+    assert_true(status.at_ns == clock.now_ns);
+    assert_int_equal(stage_move_at(s, 1, 0.21), -EDOM);
+    assert_int_equal(stage_move_at(s, 1, 0), -EDOM);
+    assert_int_equal(stage_move_at(s, 1, (double)NAN), -EDOM);
+    assert_int_equal(stage_move_at(s, 3, 0.1), -ERANGE);
+    stage_close(s);
+    s = open_stage("sim:?pace=fast", &clock);
+    assert_int_equal(stage_move_at(s, 1, 0.1), -EDOM);
+    stage_close(s);
+    s = open_stage("none:", &clock);
+    assert_int_equal(stage_move_at(s, 0, 0.1), -EDOM);
+    stage_close(s);
+}
+
 /* 0.02 m never reach full speed: 0.2 s of acceleration to 0.1 m/s, 0.2 s of braking. */
 static void a_short_move_is_a_triangle(void **state)
 {
@@ -200,6 +226,7 @@ static void devices_that_do_not_exist_are_named(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_move_goes_as_fast_as_it_is_told),
         cmocka_unit_test(a_long_move_is_a_trapezoid),
         cmocka_unit_test(a_short_move_is_a_triangle),
         cmocka_unit_test(a_new_target_replaces_the_move_without_a_jump),

@@ -19,7 +19,7 @@ struct fake {
     _Atomic int error; /* with which it ends */
     _Atomic int rest_error;
     _Atomic int homes, moves, begun;
-    _Atomic double target_m;
+    _Atomic double target_m, speed_m_s;
 };
 
 static bool take(sem_t *s)
@@ -51,11 +51,13 @@ static int fake_home(void *device, char text[STAGE_TEXT_SIZE])
     return act(f, text);
 }
 
-static int fake_move(void *device, double target_m, char text[STAGE_TEXT_SIZE])
+static int fake_move(void *device, double target_m, double speed_m_s,
+                     char text[STAGE_TEXT_SIZE])
 {
     struct fake *f = device;
     f->moves++;
     f->target_m = target_m;
+    f->speed_m_s = speed_m_s;
     int err = act(f, text);
     if (!err)
         stage_worker_at(f->worker, target_m);
@@ -118,7 +120,7 @@ static void a_move_homes_first_moves_and_settles(void **state)
 {
     struct fake *f = start(false, true);
     (void)state;
-    assert_int_equal(stage_worker_move(f->worker, 0.3), 0);
+    assert_int_equal(stage_worker_move(f->worker, 0.3, 0), 0);
     struct stage_status s = await(f, STAGE_MOVING);
     assert_false(s.homed);
     assert_true(s.target_m == 0.3);
@@ -144,7 +146,7 @@ static void the_newest_of_many_commands_is_done(void **state)
     struct fake *f = start(true, true);
     (void)state;
     for (int i = 1; i <= 9; i++)
-        assert_int_equal(stage_worker_move(f->worker, 0.1 * i), 0);
+        assert_int_equal(stage_worker_move(f->worker, 0.1 * i, 0), 0);
     for (int i = 0; f->target_m != 0.1 * 9; i++) {
         assert_true(i < DEADLINE_MS);
         poll(NULL, 0, 1);
@@ -160,12 +162,12 @@ static void after_a_fault_nothing_moves_until_it_is_homed(void **state)
     struct fake *f = start(true, true);
     (void)state;
     f->error = -EIO;
-    assert_int_equal(stage_worker_move(f->worker, 0.3), 0);
+    assert_int_equal(stage_worker_move(f->worker, 0.3, 0), 0);
     sem_post(&f->go);
     struct stage_status s = await(f, STAGE_FAULT);
     assert_string_equal(s.text, "it broke");
     assert_false(s.homed);
-    assert_int_equal(stage_worker_move(f->worker, 0.1), -ESTALE);
+    assert_int_equal(stage_worker_move(f->worker, 0.1, 0), -ESTALE);
     f->error = 0;
     assert_int_equal(stage_worker_home(f->worker), 0);
     sem_post(&f->go);
@@ -182,7 +184,7 @@ static void a_fault_at_rest_counts_too(void **state)
     (void)state;
     f->rest_error = -EIO;
     assert_string_equal(await(f, STAGE_FAULT).text, "it was pushed");
-    assert_int_equal(stage_worker_move(f->worker, 0.1), -ESTALE);
+    assert_int_equal(stage_worker_move(f->worker, 0.1, 0), -ESTALE);
     finish(f);
 }
 
@@ -204,7 +206,7 @@ static void a_stop_breaks_off_a_move_and_not_the_place(void **state)
 {
     struct fake *f = start(true, true);
     (void)state;
-    assert_int_equal(stage_worker_move(f->worker, 0.3), 0);
+    assert_int_equal(stage_worker_move(f->worker, 0.3, 0), 0);
     await_begun(f, 1);
     stage_worker_at(f->worker, 0.12);
     assert_int_equal(stage_worker_stop(f->worker), 0);
@@ -218,7 +220,7 @@ static void a_homing_that_is_stopped_is_a_fault(void **state)
 {
     struct fake *f = start(false, true);
     (void)state;
-    assert_int_equal(stage_worker_move(f->worker, 0.3), 0); /* homes first */
+    assert_int_equal(stage_worker_move(f->worker, 0.3, 0), 0); /* homes first */
     await_begun(f, 1);
     assert_int_equal(stage_worker_stop(f->worker), 0);
     assert_non_null(strstr(await(f, STAGE_FAULT).text, "homing was stopped"));
@@ -231,7 +233,7 @@ static void without_leave_to_home_first_it_waits_for_a_person(void **state)
     struct fake *f = start(false, false);
     (void)state;
     assert_non_null(strstr(await(f, STAGE_FAULT).text, "home it"));
-    assert_int_equal(stage_worker_move(f->worker, 0.3), -ESTALE);
+    assert_int_equal(stage_worker_move(f->worker, 0.3, 0), -ESTALE);
     assert_int_equal(f->homes, 0);
     finish(f);
 }
@@ -240,8 +242,26 @@ static void destroying_it_breaks_off_what_is_under_way(void **state)
 {
     struct fake *f = start(true, true);
     (void)state;
-    assert_int_equal(stage_worker_move(f->worker, 0.3), 0);
+    assert_int_equal(stage_worker_move(f->worker, 0.3, 0), 0);
     await_begun(f, 1);
+    finish(f);
+}
+
+static void the_place_is_told_with_its_time(void **state)
+{
+    struct fake *f = start(true, false);
+    struct stage_status s;
+    (void)state;
+    stage_worker_was_at(f->worker, 0.25, 12345);
+    stage_worker_status(f->worker, &s);
+    assert_true(s.position_m == 0.25 && s.at_ns == 12345);
+    stage_worker_at(f->worker, 0.5);
+    stage_worker_status(f->worker, &s);
+    assert_true(s.position_m == 0.5 && s.at_ns == f->clock.now_ns);
+    assert_int_equal(stage_worker_move(f->worker, 0.3, 0.07), 0);
+    await_begun(f, 1);
+    assert_true(f->speed_m_s == 0.07);
+    sem_post(&f->go);
     finish(f);
 }
 
@@ -250,6 +270,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_move_homes_first_moves_and_settles),
         cmocka_unit_test(the_newest_of_many_commands_is_done),
+        cmocka_unit_test(the_place_is_told_with_its_time),
         cmocka_unit_test(after_a_fault_nothing_moves_until_it_is_homed),
         cmocka_unit_test(a_fault_at_rest_counts_too),
         cmocka_unit_test(a_homing_that_fails_may_be_tried_again),

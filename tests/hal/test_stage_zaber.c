@@ -63,6 +63,16 @@ static void await_departure(const struct zaber_device *d)
     }
 }
 
+static void await_motion_at_least(const struct zaber_device *d, long position)
+{
+    int64_t end_ns = real_now(NULL) + DEADLINE_NS;
+    while (d->position < position) {
+        if (real_now(NULL) > end_ns)
+            fail_msg("it does not get to %ld", position);
+        poll(NULL, 0, 2);
+    }
+}
+
 static void await_stop(const struct zaber_device *d)
 {
     int64_t end_ns = real_now(NULL) + DEADLINE_NS;
@@ -158,6 +168,33 @@ static void a_device_that_knows_its_place_is_not_homed(void **state)
     assert_int_equal(stage_move(s, 0.2), 0);
     assert_idle_at(s, 0.2);
     assert_int_equal(d->homings, 0);
+    finish(s, d);
+}
+
+/* 0.05 m/s are 25197 microsteps/s; what the device had is set again, also when a newer
+ * command ends the move.  Where it was is told as of when it looked. */
+static void a_move_goes_as_fast_as_it_is_told(void **state)
+{
+    struct zaber_device *d = zaber_device_start(true);
+    struct stage *s = open_stage(d, "");
+    struct stage_status status;
+    (void)state;
+    assert_int_equal(stage_move_at(s, 0.145, 0.05), 0);
+    await_motion_at_least(d, 70001);
+    assert_int_equal(d->speed, 25197);
+    int64_t before_ns = real_now(NULL);
+    do
+        stage_status(s, &status);
+    while (status.at_ns < before_ns && status.motion == STAGE_MOVING);
+    assert_true(status.at_ns <= real_now(NULL));
+    assert_idle_at(s, 0.145);
+    assert_int_equal(d->speed, 400000);
+    assert_int_equal(stage_move_at(s, 0.9, 0.05), 0);
+    await_motion_at_least(d, 73100);
+    assert_int_equal(stage_move(s, 0.2), 0);
+    assert_idle_at(s, 0.2);
+    assert_int_equal(d->speed, 400000);
+    assert_int_equal(stage_move_at(s, 0.1, 0.8), -EDOM); /* its own: 0.79375 */
     finish(s, d);
 }
 
@@ -458,6 +495,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_first_move_homes_and_lengths_become_microsteps),
         cmocka_unit_test(a_device_that_knows_its_place_is_not_homed),
+        cmocka_unit_test(a_move_goes_as_fast_as_it_is_told),
         cmocka_unit_test(with_manual_homing_it_waits_for_it),
         cmocka_unit_test(it_reaches_as_far_as_the_device_and_the_options_say),
         cmocka_unit_test(answers_that_stay_away_or_are_garbled_are_asked_for_again),

@@ -102,7 +102,7 @@ static void home_may_be_at_the_upper_end(void **state)
     assert_int_equal(stepper_axis_home(&b.axis), 0);
     assert_int_equal(b.rail->motor, 7000 - 50);
     assert_true(stepper_axis_position_m(&b.axis) == 0.5);
-    assert_int_equal(stepper_axis_move(&b.axis, 0.2), 0);
+    assert_int_equal(stepper_axis_move(&b.axis, 0.2, 0), 0);
     assert_int_equal(b.rail->motor, 7000 - 50 - 3000);
     free(b.rail);
 }
@@ -114,9 +114,9 @@ static void without_a_switch_where_it_stands_is_declared_the_end(void **state)
     (void)state;
     cfg.has_home = false;
     setup(&b, &cfg, 3000);
-    assert_int_equal(stepper_axis_move(&b.axis, 0.1), -ESTALE);
+    assert_int_equal(stepper_axis_move(&b.axis, 0.1, 0), -ESTALE);
     assert_homed(&b, 3000);
-    assert_int_equal(stepper_axis_move(&b.axis, 0.1), 0);
+    assert_int_equal(stepper_axis_move(&b.axis, 0.1, 0), 0);
     assert_int_equal(b.rail->motor, 4000);
     free(b.rail);
 }
@@ -153,17 +153,17 @@ static void moves_end_where_they_should_and_stay_inside_the_range(void **state)
     struct bench b;
     (void)state;
     setup(&b, &standard, 2000);
-    assert_int_equal(stepper_axis_move(&b.axis, 0.1), -ESTALE);
+    assert_int_equal(stepper_axis_move(&b.axis, 0.1, 0), -ESTALE);
     assert_homed(&b, 1050);
     static const double targets_m[] = {0.1, 0.5, 0.0323, 0, 0.0323};
     for (size_t i = 0; i < sizeof targets_m / sizeof *targets_m; i++) {
-        assert_int_equal(stepper_axis_move(&b.axis, targets_m[i]), 0);
+        assert_int_equal(stepper_axis_move(&b.axis, targets_m[i], 0), 0);
         assert_int_equal(b.rail->motor, 1050 + llround(10000 * targets_m[i]));
         assert_true(fabs(stepper_axis_position_m(&b.axis) - targets_m[i]) < 1e-9);
     }
-    assert_int_equal(stepper_axis_move(&b.axis, 0.5001), -ERANGE);
-    assert_int_equal(stepper_axis_move(&b.axis, -0.0001), -ERANGE);
-    assert_int_equal(stepper_axis_move(&b.axis, (double)NAN), -ERANGE);
+    assert_int_equal(stepper_axis_move(&b.axis, 0.5001, 0), -ERANGE);
+    assert_int_equal(stepper_axis_move(&b.axis, -0.0001, 0), -ERANGE);
+    assert_int_equal(stepper_axis_move(&b.axis, (double)NAN, 0), -ERANGE);
     assert_int_equal(b.rail->motor, 1050 + 323);
     free(b.rail);
 }
@@ -175,13 +175,13 @@ static void a_limit_in_a_move_stops_it_at_once_and_its_place_is_lost(void **stat
     setup(&b, &standard, 2000);
     assert_homed(&b, 1050);
     b.rail->limit_at = 2500; /* somebody left a box there */
-    assert_int_equal(stepper_axis_move(&b.axis, 0.4), -EIO);
+    assert_int_equal(stepper_axis_move(&b.axis, 0.4, 0), -EIO);
     assert_int_equal(b.rail->motor, 2500);
     assert_non_null(strstr(b.axis.text, "far limit switch was hit"));
     assert_int_equal(b.axis.limit_hits, 1);
-    assert_int_equal(stepper_axis_move(&b.axis, 0), -ESTALE);
+    assert_int_equal(stepper_axis_move(&b.axis, 0, 0), -ESTALE);
     assert_homed(&b, 1050); /* leaves the switch that it stands on */
-    assert_int_equal(stepper_axis_move(&b.axis, 0.1), 0);
+    assert_int_equal(stepper_axis_move(&b.axis, 0.1, 0), 0);
     free(b.rail);
 }
 
@@ -192,7 +192,7 @@ static void the_emergency_stop_lets_go_of_the_motor_and_bars_homing(void **state
     setup(&b, &standard, 2000);
     assert_homed(&b, 1050);
     b.rail->estop_after = b.rail->n + 500;
-    assert_int_equal(stepper_axis_move(&b.axis, 0.4), -ESHUTDOWN);
+    assert_int_equal(stepper_axis_move(&b.axis, 0.4, 0), -ESHUTDOWN);
     assert_int_equal(b.rail->motor, 1550);
     assert_false(b.rail->enabled);
     assert_int_equal(b.axis.estops, 1);
@@ -227,7 +227,7 @@ static void the_emergency_stop_lets_go_of_a_motor_whose_place_is_lost(void **sta
     setup(&b, &standard, 2000);
     assert_homed(&b, 1050);
     b.rail->limit_at = 3000; /* something is in the way */
-    assert_int_equal(stepper_axis_move(&b.axis, 0.4), -EIO);
+    assert_int_equal(stepper_axis_move(&b.axis, 0.4, 0), -EIO);
     assert_true(b.rail->enabled);
     b.rail->limit_at = 7000;
     b.rail->estop_after = 1;
@@ -265,16 +265,16 @@ static void backlash_is_taken_up_from_one_side(void **state)
     assert_int_equal(stepper_axis_home(&b.axis), 0);
     int64_t zero = b.rail->stage_client;
     for (size_t i = 0; i < sizeof targets_m / sizeof *targets_m; i++) {
-        assert_int_equal(stepper_axis_move(&b.axis, targets_m[i]), 0);
+        assert_int_equal(stepper_axis_move(&b.axis, targets_m[i], 0), 0);
         assert_int_equal(b.rail->stage_client - zero, llround(10000 * targets_m[i]));
     }
     /* Also when a move down was broken off, and the next is a little way up. */
     b.rail->cancel_after = b.rail->n + 1000;
-    assert_int_equal(stepper_axis_move(&b.axis, 0.05), -ECANCELED);
+    assert_int_equal(stepper_axis_move(&b.axis, 0.05, 0), -ECANCELED);
     assert_true(b.axis.homed);
     b.rail->cancel_after = 0;
     double here_m = stepper_axis_position_m(&b.axis);
-    assert_int_equal(stepper_axis_move(&b.axis, here_m + 0.0002), 0);
+    assert_int_equal(stepper_axis_move(&b.axis, here_m + 0.0002, 0), 0);
     assert_int_equal(b.rail->stage_client - zero, llround(10000 * (here_m + 0.0002)));
     free(b.rail);
 }
@@ -290,9 +290,31 @@ static void a_homing_that_is_broken_off_leaves_no_place(void **state)
     free(b.rail);
 }
 
+/* Between its ramps each step comes as it is told: 62 mm/s are 620 steps/s. */
+static void a_move_goes_as_fast_as_it_is_told(void **state)
+{
+    struct bench b;
+    (void)state;
+    setup(&b, &standard, 5000);
+    assert_homed(&b, 1050);
+    uint64_t first = b.rail->n;
+    assert_int_equal(stepper_axis_move(&b.axis, 0.3, 0.062), 0);
+    for (uint64_t i = first + 200; i < first + 2800; i++) {
+        double step_s = 1e-9 * (double)(b.rail->times_ns[i] - b.rail->times_ns[i - 1]);
+        assert_true(fabs(step_s * 620 - 1) < 1e-3);
+    }
+    first = b.rail->n;
+    assert_int_equal(stepper_axis_move(&b.axis, 0, 0), 0); /* its own again */
+    double own_s =
+        1e-9 * (double)(b.rail->times_ns[first + 1500] - b.rail->times_ns[first + 1499]);
+    assert_true(fabs(own_s * 1000 - 1) < 0.01);
+    free(b.rail);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_move_goes_as_fast_as_it_is_told),
         cmocka_unit_test(homing_ends_at_the_same_place_from_everywhere),
         cmocka_unit_test(the_switch_is_found_again_slowly),
         cmocka_unit_test(a_switch_that_bounces_while_it_is_left_is_no_limit_that_was_hit),

@@ -94,6 +94,10 @@ static bool obey(struct zaber_device *d, const char *command, char *data)
     strcpy(data, "0");
     if (!strcmp(command, "get pos"))
         sprintf(data, "%ld", (long)d->position);
+    else if (!strcmp(command, "get maxspeed"))
+        sprintf(data, "%ld", lround(1.6384 * d->speed));
+    else if (sscanf(command, "set maxspeed %ld", &value) == 1)
+        d->speed = (int)lround((double)value / 1.6384);
     else if (!strcmp(command, "get resolution"))
         strcpy(data, "64");
     else if (!strcmp(command, "get limit.max"))
