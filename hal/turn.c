@@ -1,14 +1,17 @@
 /* SPDX-License-Identifier: MIT */
 #include "hal/turn.h"
 
-void turn_start(struct turn *t, size_t n_speakers, bool endless, int64_t now_ns)
+void turn_start(struct turn *t, const struct array_shot *shot, int64_t now_ns)
 {
-    *t = (struct turn){.n_speakers = n_speakers, .endless = endless, .fired_ns = now_ns};
+    *t = (struct turn){.n_speakers = shot->n_speakers,
+                       .endless = shot->endless,
+                       .continuous = shot->n_rounds > 0,
+                       .fired_ns = now_ns};
 }
 
 void turn_advance(struct turn *t)
 {
-    if (++t->next < t->n_speakers || !t->endless)
+    if (++t->next < t->n_speakers || !(t->endless || t->continuous))
         return;
     t->next = 0;
     t->round++;
@@ -28,7 +31,7 @@ void turn_go(struct turn *t, const struct survey *s, size_t slot)
 
 uint32_t turn_frame(const struct turn *t)
 {
-    return t->endless ? (uint32_t)(t->round + 1) : 0;
+    return t->endless || t->continuous ? (uint32_t)(t->round + 1) : 0;
 }
 
 int turn_wait(const struct turn *t, const struct survey *s, size_t n_ping,

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /* hal/turn.h -- whose turn it is in a shot (hal/array.h): emission after emission, and of
- * an endless one round after round; and for what was recorded before, the pace at which
- * it would be recorded. */
+ * an endless or continuous one round after round; and for what was recorded before, the
+ * pace at which it would be recorded. */
 #ifndef ANLOS_HAL_TURN_H
 #define ANLOS_HAL_TURN_H
 
@@ -10,25 +10,26 @@
 #include <stdint.h>
 
 #include "dsp/error.h"
+#include "hal/array.h"
 #include "hal/clock.h"
 #include "recon/survey.h"
 
 struct turn {
     size_t n_speakers; /* of the shot */
-    bool endless;
+    bool endless, continuous;
     size_t next;  /* emission of the round */
     size_t round; /* from 0 */
     int64_t fired_ns;
 };
 
-void turn_start(struct turn *t, size_t n_speakers, bool endless, int64_t now_ns);
+void turn_start(struct turn *t, const struct array_shot *shot, int64_t now_ns);
 void turn_advance(struct turn *t);
 
 /* The slot of the next emission, counted through all rounds; and to go on at another. */
 size_t turn_slot(const struct turn *t, const struct survey *s);
 void turn_go(struct turn *t, const struct survey *s, size_t slot);
 
-/* The round, from 1, of an endless shot; else 0. */
+/* The round, from 1, of an endless or continuous shot; else 0. */
 uint32_t turn_frame(const struct turn *t);
 
 /* Of an endless shot: waits until n_ping samples of the next emission would be recorded.

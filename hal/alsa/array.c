@@ -32,7 +32,8 @@ struct array_alsa {
     uint32_t *clipped;    /* [n_speakers][n_microphones], [0] when live */
     uint32_t *not_finite; /* [n_speakers][n_microphones] */
     float *played;        /* [n_microphones][recording_frames] of the background */
-    bool loaded;          /* the shot's position is in played */
+    bool loaded;          /* a position is in played: */
+    size_t position;
 };
 
 static void alsa_close(void *state)
@@ -68,12 +69,14 @@ static int allocate(struct array_alsa *a)
 
 static bool is_same_sound(const struct survey *a, const struct survey *b)
 {
-    bool same =
-        a->slot_samples == b->slot_samples && a->chirp_start_hz == b->chirp_start_hz &&
-        a->chirp_stop_hz == b->chirp_stop_hz &&
-        a->chirp_duration_s == b->chirp_duration_s && a->chirp_sine == b->chirp_sine &&
-        a->chirp_alternates == b->chirp_alternates &&
-        survey_slots(a, 2) == survey_slots(b, 2) && a->n_positions == b->n_positions;
+    bool same = a->slot_samples == b->slot_samples &&
+                a->chirp_start_hz == b->chirp_start_hz &&
+                a->chirp_stop_hz == b->chirp_stop_hz &&
+                a->chirp_duration_s == b->chirp_duration_s &&
+                a->chirp_sine == b->chirp_sine &&
+                a->chirp_alternates == b->chirp_alternates &&
+                survey_slots(a, 2) == survey_slots(b, 2) &&
+                a->n_positions == b->n_positions && a->continuous == b->continuous;
     for (size_t i = 0; same && i < a->n_positions; i++)
         same = fabs(a->stage_positions_m[i] - b->stage_positions_m[i]) < SAME_PLACE_M;
     return same;
@@ -164,11 +167,10 @@ static int alsa_fire(void *state, const struct array_shot *shot)
 {
     struct array_alsa *a = state;
     a->shot = *shot;
-    turn_start(&a->turn, shot->n_speakers, shot->endless, clock_now_ns(a->clock));
+    turn_start(&a->turn, shot, clock_now_ns(a->clock));
     a->loaded = false;
     if (!is_played(a))
-        alsa_shot_fire(alsa_engine_shot(a->engine), shot->speakers, shot->n_speakers,
-                       shot->endless);
+        alsa_shot_fire(alsa_engine_shot(a->engine), shot);
     return 0;
 }
 
@@ -229,12 +231,14 @@ static int play(struct array_alsa *a, struct array_ping *out, struct error *why)
     int err = turn_wait(&a->turn, s, a->n_ping, a->clock, &out->t0_ns, why);
     if (err)
         return err;
-    if (!a->loaded) {
-        err = recording_read_slots(a->background, a->shot.position, a->played, a->clipped,
+    size_t position = a->shot.position + a->turn.round;
+    if (!a->loaded || a->position != position) {
+        err = recording_read_slots(a->background, position, a->played, a->clipped,
                                    a->not_finite, why);
         if (err)
             return err;
         a->loaded = true;
+        a->position = position;
     }
     size_t n_frames = recording_frames(a->background);
     for (size_t m = 0; m < s->n_microphones; m++)

@@ -2,6 +2,7 @@
 #include "hal/alsa/engine.h"
 
 #include <errno.h>
+#include <math.h>
 #include <poll.h>
 #include <stdarg.h>
 #include <stdbool.h>
@@ -171,15 +172,16 @@ static size_t of_number(uint64_t count, uint16_t number)
     return (uint16_t)count == number ? (size_t)(count >> NUMBER_BITS) : 0;
 }
 
-void alsa_shot_fire(struct alsa_shot *s, const uint32_t *speakers, size_t n_speakers,
-                    bool endless)
+void alsa_shot_fire(struct alsa_shot *s, const struct array_shot *shot)
 {
     pthread_mutex_lock(&s->mutex);
     struct alsa_order *o = &s->ordered;
-    memcpy(o->speakers, speakers, n_speakers * sizeof *o->speakers);
+    memcpy(o->speakers, shot->speakers, shot->n_speakers * sizeof *o->speakers);
     o->number++;
-    o->n_speakers = n_speakers;
-    o->endless = endless;
+    o->n_speakers = shot->n_speakers;
+    o->endless = shot->endless;
+    o->n_rounds = shot->n_rounds;
+    o->start_ns = shot->n_rounds ? shot->start_ns : 0;
     s->ordered_anew = true;
     pthread_mutex_unlock(&s->mutex);
 }
@@ -242,7 +244,9 @@ static bool take_order(struct alsa_shot *s)
                                    .speakers = now->speakers,
                                    .n_speakers = o->n_speakers,
                                    .endless = o->endless,
-                                   .silence_first = o->silence_first};
+                                   .silence_first = o->silence_first,
+                                   .n_rounds = o->n_rounds,
+                                   .start_ns = o->start_ns};
         o->silence_first = o->silence_first && !o->n_speakers;
         s->ordered_anew = false;
     }
@@ -250,14 +254,20 @@ static bool take_order(struct alsa_shot *s)
     return anew;
 }
 
-void alsa_shot_place(struct alsa_shot *s, uint64_t frame)
+void alsa_shot_place(struct alsa_shot *s, uint64_t frame, int64_t origin_ns)
 {
     const struct alsa_order *o = &s->under_way;
     if (take_order(s)) {
         size_t slots = survey_slots(&s->rig->survey, o->n_speakers);
-        slot_plan_load(&s->plan, o->endless && slots ? SLOT_PLAN_ENDLESS : slots);
+        slot_plan_load(&s->plan, o->endless && slots
+                                     ? SLOT_PLAN_ENDLESS
+                                     : slots * (o->n_rounds ? o->n_rounds : 1));
         if (o->silence_first)
             frame += s->plan.slot_samples + s->plan.tail_samples;
+        double at = 1e-9 * (double)(o->start_ns - origin_ns) *
+                    s->rig->survey.sample_rate_hz;
+        if (o->start_ns && at > (double)frame)
+            frame = (uint64_t)llrint(at);
     }
     if (!s->plan.placed)
         slot_plan_place(&s->plan, frame);
@@ -584,7 +594,7 @@ static void fill(void *ctx, const struct alsa_stream *s,
 {
     struct alsa_engine *e = ctx;
     if (e->running)
-        alsa_shot_place(&e->shot, frame);
+        alsa_shot_place(&e->shot, frame, e->origin_ns);
     alsa_shot_fill(&e->shot, s, areas, offset, frame, n);
 }
 

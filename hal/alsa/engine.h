@@ -14,6 +14,7 @@
 #include "dsp/error.h"
 #include "hal/alsa/slot_plan.h"
 #include "hal/alsa/stream.h"
+#include "hal/array.h"
 #include "hal/clock.h"
 #include "hal/device_count.h"
 #include "hal/survey/rig_file.h"
@@ -75,6 +76,8 @@ struct alsa_order {
     uint32_t *speakers; /* [n_speakers of the survey] */
     size_t n_speakers;  /* 0: none */
     bool endless, silence_first;
+    size_t n_rounds;  /* of a continuous one; 0: one */
+    int64_t start_ns; /* its first slot, or as soon after; 0: as soon as can be */
 };
 
 struct alsa_shot {
@@ -96,8 +99,7 @@ struct alsa_shot {
 int alsa_shot_create(struct alsa_shot *out, const struct rig *rig);
 
 /* The shot before must be settled whole, or halted. */
-void alsa_shot_fire(struct alsa_shot *s, const uint32_t *speakers, size_t n_speakers,
-                    bool endless);
+void alsa_shot_fire(struct alsa_shot *s, const struct array_shot *shot);
 
 /* Nothing more of it is emitted but what is written ahead already, and the next shot
  * begins when that has faded away. */
@@ -119,8 +121,9 @@ void alsa_shot_copy(const struct alsa_shot *s, size_t k, float *out);
 /* The slots before k may be recorded over. */
 void alsa_shot_release(struct alsa_shot *s, size_t k);
 
-/* A shot that was fired, or the rest of one that broke, begins at this frame. */
-void alsa_shot_place(struct alsa_shot *s, uint64_t frame);
+/* A shot that was fired, or the rest of one that broke, begins at this frame, or at a
+ * later one that is its time; frame 0 was at origin_ns. */
+void alsa_shot_place(struct alsa_shot *s, uint64_t frame, int64_t origin_ns);
 
 /* Silence, and what is emitted of the shot, into n frames of playback from number `frame`
  * on. */

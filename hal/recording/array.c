@@ -32,7 +32,8 @@ struct array_wav {
         bool down;       /* of the newest emission */
         bool any;        /* there was one */
     } play;
-    bool loaded;          /* the shot's position is in samples */
+    bool loaded; /* a position is in samples: */
+    size_t position;
     float *samples;       /* [n_microphones][recording_frames] */
     float *ping;          /* [n_microphones][n_ping] */
     uint32_t *clipped;    /* [n_speakers][n_microphones] */
@@ -164,11 +165,11 @@ static int wav_fire(void *state, const struct array_shot *shot)
     if (shot->pass == PASS_BACKGROUND && !a->background)
         return -EINVAL;
     /* What is in memory serves a retake. */
-    if (shot->pass != a->shot.pass || shot->position != a->shot.position || shot->endless)
+    if (shot->pass != a->shot.pass || shot->endless)
         a->loaded = false;
     a->shot = *shot;
     memset(&a->play, 0, sizeof a->play);
-    turn_start(&a->turn, shot->n_speakers, shot->endless, clock_now_ns(a->clock));
+    turn_start(&a->turn, shot, clock_now_ns(a->clock));
     return 0;
 }
 
@@ -196,11 +197,13 @@ static void fill_ping(struct array_wav *a, size_t shot_index, size_t count,
 
 static int load(struct array_wav *a, struct error *why)
 {
-    if (a->loaded)
+    size_t position = a->shot.position + a->turn.round;
+    if (a->loaded && a->position == position)
         return 0;
-    int err = recording_read_slots(recording_of(a), a->shot.position, a->samples,
-                                   a->clipped, a->not_finite, why);
+    int err = recording_read_slots(recording_of(a), position, a->samples, a->clipped,
+                                   a->not_finite, why);
     a->loaded = !err;
+    a->position = position;
     return err;
 }
 
@@ -222,6 +225,7 @@ static int next_slot(struct array_wav *a, struct array_ping *out, struct error *
                a->n_ping * sizeof *a->ping);
     fill_ping(a, a->turn.next, slot, out);
     out->t0_ns = t0_ns;
+    out->frame = turn_frame(&a->turn);
     turn_advance(&a->turn);
     return 0;
 }

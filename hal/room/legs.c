@@ -15,7 +15,8 @@ static int reserve(struct legs *l, size_t n)
     l->delay = malloc(n * sizeof *l->delay);
     l->gain = malloc(n * sizeof *l->gain);
     l->cosine = malloc(n * sizeof *l->cosine);
-    if (!l->delay || !l->gain || !l->cosine) {
+    l->rate = malloc(n * sizeof *l->rate);
+    if (!l->delay || !l->gain || !l->cosine || !l->rate) {
         legs_clear(l);
         return -ENOMEM;
     }
@@ -25,7 +26,7 @@ static int reserve(struct legs *l, size_t n)
 
 int legs_set(struct legs *l, const double (*elements)[3], size_t n_elements,
              const struct scatter *s, bool outward, const struct mirror *mirror,
-             double delay_per_m)
+             const double *velocity, double delay_per_m)
 {
     if (reserve(l, n_elements * s->n) < 0)
         return -ENOMEM;
@@ -44,6 +45,8 @@ int legs_set(struct legs *l, const double (*elements)[3], size_t n_elements,
                          (!mirror || mirror_reflects(mirror, elements[e], at));
             l->gain[k] = heard ? (float)(1 / r) : 0;
             l->cosine[k] = (float)cosine;
+            if (velocity)
+                l->rate[k] = (float)(vector_dot(way, velocity) / r);
         }
     return 0;
 }
@@ -53,5 +56,6 @@ void legs_clear(struct legs *l)
     free(l->delay);
     free(l->gain);
     free(l->cosine);
+    free(l->rate);
     *l = (struct legs){.n_pieces = 0};
 }

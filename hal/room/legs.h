@@ -15,14 +15,15 @@ struct legs {
     float *gain;   /* 1 / r; 0 of a piece that looks away, or that the wall does
                       not reach */
     float *cosine; /* of incidence; 1 where a piece has no front */
+    float *rate;   /* how fast r grows while the elements move */
 };
 
 /* Fills in the ways to where sound enters (or, outward, leaves) the pieces; mirror: the
- * elements are images in it, NULL: they are there.  Grows its arrays as needed.  0,
- * -ENOMEM. */
+ * elements are images in it, NULL: they are there; velocity: of them all, NULL: the rate
+ * is left alone.  Grows its arrays as needed.  0, -ENOMEM. */
 int legs_set(struct legs *l, const double (*elements)[3], size_t n_elements,
              const struct scatter *s, bool outward, const struct mirror *mirror,
-             double delay_per_m);
+             const double *velocity, double delay_per_m);
 void legs_clear(struct legs *l);
 
 #endif

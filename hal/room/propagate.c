@@ -24,13 +24,35 @@ struct propagate {
     const struct scatter *groups[GROUPS];
     struct legs in[GROUPS], out[GROUPS];
     struct arrivals *arrivals;
-    float *impulses;                 /* [GRID * n_samples] */
-    float complex *spectrum, *facet; /* [GRID * n_samples / 2 + 1] */
-    float complex *emissions;     /* [n_speakers][n_bins], with the transforms' scale */
-    float *responses;             /* [n_microphones][n_bins] */
-    float *heard;                 /* [n_samples] */
-    fftwf_plan forward, backward; /* impulses -> spectrum, spectrum -> heard */
+    float *impulses;         /* [n_terms][GRID * n_samples] */
+    float complex *spectrum; /* [GRID * n_samples / 2 + 1] */
+    float complex *sum;      /* [n_bins] */
+    float complex
+        *emissions;   /* [n_speakers][n_terms][n_bins], with the transforms' scale */
+    float *responses; /* [n_microphones][n_bins] */
+    float *heard;     /* [n_samples] */
+    fftwf_plan forward, backward; /* impulses -> spectrum, sum -> heard */
 };
+
+#define TOP_TURNS 0.42 /* a sample: of the frequency that derivatives are scaled by */
+#define REST      2e-3
+#define MOST      24 /* terms */
+#define MARGIN    64 /* samples beside a chirp, where its derivatives ring */
+
+/* Half the chirp in radians of that frequency: what q is multiplied by. */
+static double reach(size_t n_chirp)
+{
+    return M_PI * TOP_TURNS * (double)n_chirp;
+}
+
+size_t propagate_terms(double speed_m_s, double sound_speed_m_s, size_t n_chirp)
+{
+    double x = 2 * fabs(speed_m_s) / sound_speed_m_s * reach(n_chirp), rest = x;
+    size_t n = 1;
+    while (rest > REST && n < MOST)
+        rest *= x / (double)++n;
+    return n;
+}
 
 size_t propagate_length(size_t least)
 {
@@ -52,47 +74,81 @@ static int allocate(struct propagate *p)
     size_t n = p->cfg.n_samples, n_wide = GRID * n / 2 + 1;
     p->n_bins = n / 2 + 1;
     p->arrivals = arrivals_create();
-    p->impulses = fftwf_malloc(GRID * n * sizeof *p->impulses);
+    p->impulses = fftwf_malloc(p->cfg.n_terms * GRID * n * sizeof *p->impulses);
     p->spectrum = fftwf_malloc(n_wide * sizeof *p->spectrum);
-    p->facet = fftwf_malloc(n_wide * sizeof *p->facet);
-    p->emissions = fftwf_malloc(p->cfg.n_speakers * p->n_bins * sizeof *p->emissions);
+    p->sum = fftwf_malloc(p->n_bins * sizeof *p->sum);
+    p->emissions = fftwf_malloc(p->cfg.n_speakers * p->cfg.n_terms * p->n_bins *
+                                sizeof *p->emissions);
     p->responses = malloc(p->cfg.n_microphones * p->n_bins * sizeof *p->responses);
     p->heard = fftwf_malloc(n * sizeof *p->heard);
-    if (!p->arrivals || !p->impulses || !p->spectrum || !p->facet || !p->emissions ||
+    if (!p->arrivals || !p->impulses || !p->spectrum || !p->sum || !p->emissions ||
         !p->responses || !p->heard)
         return -ENOMEM;
     p->forward =
         fftwf_plan_dft_r2c_1d((int)(GRID * n), p->impulses, p->spectrum, FFTW_ESTIMATE);
-    p->backward = fftwf_plan_dft_c2r_1d((int)n, p->spectrum, p->heard, FFTW_ESTIMATE);
+    p->backward = fftwf_plan_dft_c2r_1d((int)n, p->sum, p->heard, FFTW_ESTIMATE);
     return p->forward && p->backward ? 0 : -ENOMEM;
+}
+
+/* From the chirp's spectrum to that of a term in p->spectrum: (u - m)^k / k! times the
+ * k-th derivative, both over their scales. */
+static void transform_term(struct propagate *p, const float complex *chirp, size_t term,
+                           fftwf_plan forward)
+{
+    size_t n = p->cfg.n_samples, n_chirp = p->cfg.n_chirp;
+    double half = 0.5 * (double)n_chirp;
+    for (size_t k = 0; k < p->n_bins; k++) {
+        double w = 2 * k < n ? (double)k / ((double)n * TOP_TURNS) : 0;
+        p->sum[k] = chirp[k] / (float)n;
+        for (size_t d = 0; d < term; d++)
+            p->sum[k] *= (float)w * I;
+    }
+    fftwf_execute(p->backward);
+    for (size_t i = 0; i < n; i++) {
+        double u = i < n - MARGIN ? (double)i : (double)i - (double)n;
+        double x = (u - half) / half, factor = u < (double)(n_chirp + MARGIN);
+        for (size_t d = 1; d <= term; d++)
+            factor *= x / (double)d;
+        p->heard[i] *= (float)factor;
+    }
+    fftwf_execute(forward);
 }
 
 static int transform_emissions(struct propagate *p)
 {
-    size_t n = p->cfg.n_samples, n_chirp = p->cfg.n_chirp;
+    size_t n = p->cfg.n_samples, n_chirp = p->cfg.n_chirp, n_terms = p->cfg.n_terms;
     fftwf_plan plan = fftwf_plan_dft_r2c_1d((int)n, p->heard, p->spectrum, FFTW_ESTIMATE);
-    if (!plan)
-        return -ENOMEM;
-    for (size_t j = 0; j < p->cfg.n_speakers; j++) {
+    float complex *chirp = malloc(p->n_bins * sizeof *chirp);
+    for (size_t j = 0; plan && chirp && j < p->cfg.n_speakers; j++) {
+        float complex *out = p->emissions + j * n_terms * p->n_bins;
         memset(p->heard, 0, n * sizeof *p->heard);
         memcpy(p->heard, p->cfg.emissions + j * n_chirp, n_chirp * sizeof *p->heard);
         fftwf_execute(plan);
-        for (size_t k = 0; k < p->n_bins; k++)
-            p->emissions[j * p->n_bins + k] = p->spectrum[k] / (float)n;
+        memcpy(chirp, p->spectrum, p->n_bins * sizeof *chirp);
+        for (size_t t = 0; t < n_terms; t++) {
+            if (t)
+                transform_term(p, chirp, t, plan);
+            for (size_t k = 0; k < p->n_bins; k++)
+                out[t * p->n_bins + k] = p->spectrum[k] / (float)n;
+        }
     }
+    int err = plan && chirp ? 0 : -ENOMEM;
     fftwf_destroy_plan(plan);
-    return 0;
+    free(chirp);
+    return err;
 }
 
 int propagate_create(struct propagate **out, const struct propagate_config *cfg)
 {
     *out = NULL;
-    if (!cfg->n_samples || cfg->n_samples % 2 || cfg->n_chirp > cfg->n_samples)
+    size_t margin = cfg->n_terms > 1 ? 2 * MARGIN : 0;
+    if (!cfg->n_samples || cfg->n_samples % 2 || cfg->n_chirp + margin > cfg->n_samples)
         return -EINVAL;
     struct propagate *p = calloc(1, sizeof *p);
     if (!p)
         return -ENOMEM;
     p->cfg = *cfg;
+    p->cfg.n_terms = cfg->n_terms > 1 ? cfg->n_terms : 1;
     int err = allocate(p);
     if (!err)
         err = transform_emissions(p);
@@ -116,20 +172,37 @@ int propagate_prepare(struct propagate *p, const struct propagate_scene *scene)
     p->groups[MIRRORED] = scene->mirrored;
     for (int g = 0; g < GROUPS; g++) {
         bool direct = g == CLUTTER;
+        const double *velocity = p->cfg.n_terms == 1 ? NULL
+                                 : direct            ? scene->velocity_m_s
+                                                     : scene->image_velocity_m_s;
         if (p->groups[g] && !p->groups[g]->n)
             p->groups[g] = NULL;
         if (!p->groups[g])
             continue;
         if (legs_set(&p->in[g], direct ? scene->speakers_m : scene->speaker_images_m,
                      p->cfg.n_speakers, p->groups[g], false,
-                     direct ? NULL : scene->mirror, per_m) < 0 ||
+                     direct ? NULL : scene->mirror, velocity, per_m) < 0 ||
             legs_set(&p->out[g],
                      direct ? scene->microphones_m : scene->microphone_images_m,
                      p->cfg.n_microphones, p->groups[g], true,
-                     direct ? NULL : scene->mirror, per_m) < 0)
+                     direct ? NULL : scene->mirror, velocity, per_m) < 0)
             return -ENOMEM;
     }
     return 0;
+}
+
+/* An impulse into each term's: the ways grow by in and out in a second, and the
+ * microphone is where it has got to when the echo arrives. */
+static void add_arrival(struct propagate *p, double delay, double in_m_s, double out_m_s,
+                        float amplitude)
+{
+    size_t n = GRID * p->cfg.n_samples;
+    double out = out_m_s / p->scene.sound_speed_m_s;
+    double rate = (in_m_s / p->scene.sound_speed_m_s + out) * (1 + out);
+    double at = GRID * p->scene.latency_samples + delay * (1 + out);
+    float step = (float)(-rate / (1 + rate) * reach(p->cfg.n_chirp));
+    for (size_t t = 0; t < p->cfg.n_terms; t++, amplitude *= step)
+        arrivals_add(p->arrivals, p->impulses + t * n, n, at, amplitude);
 }
 
 static void add_group(struct propagate *p, int g, size_t speaker, size_t microphone,
@@ -137,71 +210,83 @@ static void add_group(struct propagate *p, int g, size_t speaker, size_t microph
 {
     if (!p->groups[g])
         return;
-    size_t n = p->groups[g]->n, n_impulses = GRID * p->cfg.n_samples;
+    size_t n = p->groups[g]->n;
     const struct scatter_piece *pieces = p->groups[g]->pieces;
     const struct legs *in = &p->in[g], *out = &p->out[g];
     size_t a = speaker * n, b = microphone * n;
-    double latency = GRID * p->scene.latency_samples;
+    bool moves = p->cfg.n_terms > 1;
     for (size_t i = 0; i < n; i++, a++, b++) {
         float cosine = 0.5f * (in->cosine[a] + out->cosine[b]);
         float amplitude = (float)(gain * pieces[i].weight) * cosine * in->gain[a] *
                           out->gain[b];
-        arrivals_add(p->arrivals, p->impulses, n_impulses,
-                     latency + in->delay[a] + out->delay[b], amplitude);
+        if (amplitude != 0)
+            add_arrival(p, in->delay[a] + out->delay[b], moves ? in->rate[a] : 0,
+                        moves ? out->rate[b] : 0, amplitude);
     }
 }
 
-/* Speaker (or its image) straight to the microphone. */
-static void add_direct(struct propagate *p, const double from[3], const double to[3],
-                       double gain)
+/* Speaker (or its image, which moves otherwise) straight to the microphone. */
+static void add_direct(struct propagate *p, const double from[3], const double v_from[3],
+                       const double to[3], double gain)
 {
     double way[3];
     if (gain == 0)
         return;
-    vector_add(from, -1, to, way);
+    vector_add(to, -1, from, way);
     double r = sqrt(vector_dot(way, way));
-    double t = p->scene.latency_samples +
-               r / p->scene.sound_speed_m_s * p->cfg.sample_rate_hz;
-    arrivals_add(p->arrivals, p->impulses, GRID * p->cfg.n_samples, GRID * t,
-                 (float)(gain / r));
+    double t = r / p->scene.sound_speed_m_s * p->cfg.sample_rate_hz;
+    add_arrival(p, GRID * t, -vector_dot(way, v_from) / r,
+                vector_dot(way, p->scene.velocity_m_s) / r, (float)(gain / r));
 }
 
-/* (jk / 2 pi) = j f / c, which turns the facets' areas into amplitudes. */
-static void transform_facets(struct propagate *p, size_t speaker, size_t microphone)
+static void clear_impulses(struct propagate *p)
+{
+    memset(p->impulses, 0,
+           p->cfg.n_terms * GRID * p->cfg.n_samples * sizeof *p->impulses);
+}
+
+/* The spectra of the impulses, each by its emission, onto the sum; those of facets times
+ * (jk / 2 pi) = j f / c, which turns areas into amplitudes. */
+static void hear_impulses(struct propagate *p, size_t speaker, bool facets)
 {
     size_t n = p->cfg.n_samples;
     float per_bin = (float)(p->cfg.sample_rate_hz / (double)n / p->scene.sound_speed_m_s);
-    memset(p->impulses, 0, GRID * n * sizeof *p->impulses);
-    add_group(p, FACETS, speaker, microphone, p->scene.mirror_gain);
-    fftwf_execute_dft_r2c(p->forward, p->impulses, p->facet);
-    for (size_t k = 0; k < p->n_bins; k++)
-        p->facet[k] *= per_bin * (float)k * I;
+    for (size_t t = 0; t < p->cfg.n_terms; t++) {
+        const float complex *emission = p->emissions +
+                                        (speaker * p->cfg.n_terms + t) * p->n_bins;
+        fftwf_execute_dft_r2c(p->forward, p->impulses + t * GRID * n, p->spectrum);
+        for (size_t k = 0; k < p->n_bins; k++) {
+            float complex x = p->spectrum[k] * emission[k];
+            p->sum[k] += facets ? per_bin * (float)k * I * x : x;
+        }
+    }
 }
 
 const float *propagate_pair(struct propagate *p, size_t speaker, size_t microphone)
 {
     const struct propagate_scene *s = &p->scene;
     const float *response = p->responses + microphone * p->n_bins;
-    const float complex *emission = p->emissions + speaker * p->n_bins;
-    memset(p->impulses, 0, GRID * p->cfg.n_samples * sizeof *p->impulses);
+    memset(p->sum, 0, p->n_bins * sizeof *p->sum);
+    clear_impulses(p);
     add_group(p, POINTS, speaker, microphone, s->mirror_gain);
     add_group(p, CLUTTER, speaker, microphone, 1);
     add_group(p, MIRRORED, speaker, microphone, s->mirror_gain);
-    add_direct(p, s->speakers_m[speaker], s->microphones_m[microphone], s->direct_gain);
+    add_direct(p, s->speakers_m[speaker], s->velocity_m_s, s->microphones_m[microphone],
+               s->direct_gain);
     if (mirror_reflects(s->mirror, s->speaker_images_m[speaker],
                         s->microphones_m[microphone]))
-        add_direct(p, s->speaker_images_m[speaker], s->microphones_m[microphone],
-                   s->wall_echo_gain);
-    fftwf_execute(p->forward);
+        add_direct(p, s->speaker_images_m[speaker], s->image_velocity_m_s,
+                   s->microphones_m[microphone], s->wall_echo_gain);
+    hear_impulses(p, speaker, false);
     if (p->groups[FACETS]) {
-        transform_facets(p, speaker, microphone);
-        for (size_t k = 0; k < p->n_bins; k++)
-            p->spectrum[k] += p->facet[k];
+        clear_impulses(p);
+        add_group(p, FACETS, speaker, microphone, s->mirror_gain);
+        hear_impulses(p, speaker, true);
     }
     for (size_t k = 0; k < p->n_bins; k++)
-        p->spectrum[k] *= emission[k] * response[k];
-    p->spectrum[0] = crealf(p->spectrum[0]);
-    p->spectrum[p->n_bins - 1] = crealf(p->spectrum[p->n_bins - 1]);
+        p->sum[k] *= response[k];
+    p->sum[0] = crealf(p->sum[0]);
+    p->sum[p->n_bins - 1] = crealf(p->sum[p->n_bins - 1]);
     fftwf_execute(p->backward);
     return p->heard;
 }
@@ -219,7 +304,7 @@ void propagate_destroy(struct propagate *p)
     free(p->arrivals);
     fftwf_free(p->impulses);
     fftwf_free(p->spectrum);
-    fftwf_free(p->facet);
+    fftwf_free(p->sum);
     fftwf_free(p->emissions);
     free(p->responses);
     fftwf_free(p->heard);

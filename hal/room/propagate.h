@@ -7,7 +7,16 @@
  * with r the way in and s the way out:
  *   point     a / (r s)                                  a: scattering length
  *   facet     (jk / 2 pi) dA (cos_in + cos_out)/2 / (r s)    Kirchhoff, rigid
- *   direct    1 / r                                                         */
+ *   direct    1 / r
+ *
+ * While the array moves straight on, the delay d of an echo changes with the time t of
+ * emission: d(t) = d(m) + r (t - m), m the middle of the chirp, r how fast its ways grow
+ * over the speed of sound.  The echo is the emission e on another time axis, as a series
+ *   e(u - q (u - m)) = sum over k of (-q)^k (u - m)^k / k! e^(k)(u),   q = r / (1 + r),
+ * u = t - d(m): each term is an emission of its own that is heard by the same arrivals,
+ * their amplitudes times (-q)^k.  Its rest is as propagate_terms says.  What is left out,
+ * that r changes with the angle by v^2 T / (c R) over a chirp, is 60 dB below the echo at
+ * 0.1 m/s and 2.5 m. */
 #ifndef ANLOS_HAL_ROOM_PROPAGATE_H
 #define ANLOS_HAL_ROOM_PROPAGATE_H
 
@@ -22,6 +31,7 @@ struct propagate_config {
     size_t n_speakers, n_microphones;
     const float *emissions; /* [n_speakers][n_chirp]: of each its chirp */
     size_t n_chirp;
+    size_t n_terms;         /* of the series of an array that moves; 0 or 1: it stands */
     const float *responses; /* [n_microphones][n_samples / 2 + 1], bin k: k/n_samples of
                                the rate; the amplitude that a microphone makes of 1 */
 };
@@ -31,11 +41,17 @@ struct propagate;
 /* The number of samples to compute, a good one for the FFT, at least `least`. */
 size_t propagate_length(size_t least);
 
+/* How many terms leave a rest under 0.2 % at 20 kHz of 48, of ways along the motion; 1 at
+ * speed 0. */
+size_t propagate_terms(double speed_m_s, double sound_speed_m_s, size_t n_chirp);
+
 /* Plans and allocates, copies emissions and responses.  0, -EINVAL, -ENOMEM. */
 int propagate_create(struct propagate **out, const struct propagate_config *cfg);
 
-/* Where everything is at one stage position. */
+/* Where everything is at one stage position, or in the middle of the chirp, and how fast
+ * the array and its image move. */
 struct propagate_scene {
+    double velocity_m_s[3], image_velocity_m_s[3];
     double sound_speed_m_s;
     double latency_samples;
     const double (*speakers_m)[3], (*microphones_m)[3];

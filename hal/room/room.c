@@ -7,6 +7,7 @@
 
 #include "hal/random.h"
 #include "hal/room/room_state.h"
+#include "hal/room/vector.h"
 #include "hal/survey/calibration_file.h"
 #include "recon/tail.h"
 
@@ -26,11 +27,11 @@ double room_sound_speed_m_s(const struct room *r, enum pass pass, size_t positio
     return r->sound_speed_m_s * now / survey_sound_speed_m_s(r->temperature_c);
 }
 
-int room_prepare(struct room *r, bool down, enum pass pass, size_t position, bool objects,
-                 bool surroundings)
+/* From where the pose is, with the array moving at this velocity. */
+static int prepare(struct room *r, bool down, enum pass pass, size_t position,
+                   bool objects, bool surroundings, const double velocity_m_s[3])
 {
     const struct scene_wall *wall = r->scene->wall_sound;
-    pose_move(&r->pose, position);
     struct propagate_scene scene = {
         .sound_speed_m_s = room_sound_speed_m_s(r, pass, position),
         .latency_samples = r->latency_samples,
@@ -46,7 +47,28 @@ int room_prepare(struct room *r, bool down, enum pass pass, size_t position, boo
         .mirror = &r->world.mirror,
         .direct_gain = surroundings ? *r->scene->direct_level : 0,
         .wall_echo_gain = surroundings ? wall->echo : 0};
+    memcpy(scene.velocity_m_s, velocity_m_s, sizeof scene.velocity_m_s);
+    vector_mirror(r->survey.wall_normal, 0, velocity_m_s, scene.image_velocity_m_s);
     return propagate_prepare(r->propagate[down], &scene);
+}
+
+int room_prepare(struct room *r, bool down, enum pass pass, size_t position, bool objects,
+                 bool surroundings)
+{
+    static const double still[3] = {0};
+    pose_move(&r->pose, position);
+    return prepare(r, down, pass, position, objects, surroundings, still);
+}
+
+int room_prepare_on(struct room *r, const struct room_emission *e)
+{
+    double delay_s = r->latency_samples / r->survey.sample_rate_hz, velocity_m_s[3];
+    double half_s = 0.5 * (double)r->n_chirp / r->survey.sample_rate_hz;
+    for (int a = 0; a < 3; a++)
+        velocity_m_s[a] = e->stage_m_s * r->survey.stage_axis[a];
+    pose_go(&r->pose, e->stage_m + e->stage_m_s * (delay_s + half_s));
+    return prepare(r, e->down, e->pass, e->position, e->pass == PASS_SCENE, true,
+                   velocity_m_s);
 }
 
 const struct survey *room_survey(const struct room *r)

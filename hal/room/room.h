@@ -95,13 +95,14 @@ struct room_emission {
 /* What the microphones hear of one emission, from where everything is at that time, and
  * of no other: samples [n_microphones][room_frames(1)], with noise and faults.  The time
  * axis of each echo is stretched as the ways change while the chirp is under way (hal/
- * room/doppler.h).  At the survey's position 0, of a continuous scan
- * on the way. See hal/room/stream.h for emissions that ring into each other.
- * Of a drive or a continuous scan it takes some 3 us for each microphone and each piece
- * that moves against the array: 1 ms with 16 microphones and a person, 4 ms with 80
- * pieces of clutter while the vehicle moves.  A plate has 270 pieces in a square
- * decimetre: keep those small. 0, -EINVAL (no such speaker; down, and the survey's chirps
- * do not alternate), -ENOMEM.
+ * room/doppler.h; of a continuous scan hal/room/propagate.h).  At the survey's position
+ * 0, of a continuous scan on the way.  See hal/room/stream.h for emissions that ring into
+ * each other.
+ * Of a drive it takes some 3 us for each microphone and each piece that moves against the
+ * array: 1 ms with 16 microphones and a person, 4 ms with 80 pieces of clutter while the
+ * vehicle moves.  A plate has 270 pieces in a square decimetre: keep those small.
+ * Of a continuous scan, with 16 microphones and 1200 pieces, 5 ms.
+ * 0, -EINVAL (no such speaker; down, and the survey's chirps do not alternate), -ENOMEM.
  */
 int room_emit(struct room *r, const struct room_emission *e, float *samples);
 

@@ -76,12 +76,14 @@ static int create_emitter(struct room *r, const struct room_sound *sound)
 static int create_propagate(struct room *r, const struct room_sound *sound)
 {
     const struct survey *s = &r->survey;
-    struct propagate_config cfg = {.sample_rate_hz = s->sample_rate_hz,
-                                   .n_samples = r->n_heard,
-                                   .n_speakers = s->n_speakers,
-                                   .n_microphones = s->n_microphones,
-                                   .n_chirp = r->n_chirp,
-                                   .responses = sound->responses};
+    struct propagate_config cfg = {
+        .sample_rate_hz = s->sample_rate_hz,
+        .n_samples = r->n_heard,
+        .n_speakers = s->n_speakers,
+        .n_microphones = s->n_microphones,
+        .n_chirp = r->n_chirp,
+        .n_terms = propagate_terms(survey_speed_m_s(s), r->sound_speed_m_s, r->n_chirp),
+        .responses = sound->responses};
     int err = 0;
     for (int down = 0; down < 2 && sound->emissions[down] && !err; down++) {
         cfg.emissions = sound->emissions[down];
@@ -95,10 +97,8 @@ static int create_renderer(struct room *r)
     struct room_sound sound = {.responses = NULL};
     int err = create_sound(r, &sound);
     size_t n = r->survey.n_microphones;
-    if (!err && (r->scene->drive || r->survey.continuous))
-        err = create_emitter(r, &sound);
-    if (!err && !r->scene->drive)
-        err = create_propagate(r, &sound);
+    if (!err)
+        err = r->scene->drive ? create_emitter(r, &sound) : create_propagate(r, &sound);
     r->heard = calloc(n * r->n_heard + 1, sizeof *r->heard);
     r->rendered = calloc(n * r->n_heard + 1, sizeof *r->rendered);
     r->microphones = calloc(n, sizeof *r->microphones);
@@ -208,8 +208,6 @@ static int complete(struct room *r)
         err = drive_create(&r->drive, s->drive, &r->survey);
     if (!err)
         err = traffic_create(&r->traffic, s, &r->world);
-    if (!err && r->survey.continuous)
-        traffic_set(&r->traffic, 0);
     if (!err)
         err = slams_create(&r->slams, s, &r->survey, r->sound_speed_m_s);
     if (!err)

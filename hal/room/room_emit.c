@@ -154,67 +154,12 @@ static int hear_drive(struct room *r, const struct room_emission *e)
     return 0;
 }
 
-#define ECHO_S 0.1 /* a stage goes straight on for so long */
-
-/* As move_array, along a stage that goes on. */
-static void move_stage(struct room *r, size_t speaker, double stage_m, double speed_m_s,
-                       struct emitter_scene *out)
+/* Of an array that stands, or whose stage goes on. */
+static int hear_scan(struct room *r, const struct room_emission *e)
 {
-    const struct survey *s = &r->survey;
-    struct pose *p = &r->pose;
-    struct doppler_point *points[2] = {&out->source, r->microphones};
-    size_t n[2] = {1, s->n_microphones};
-    for (int later = 0; later < 2; later++) {
-        pose_go(p, stage_m + later * ECHO_S * speed_m_s);
-        const double(*at_m[2])[3] = {(const double(*)[3])p->speakers_m + speaker,
-                                     (const double(*)[3])p->microphones_m};
-        for (int kind = 0; kind < 2; kind++)
-            for (size_t i = 0; i < 3 * n[kind]; i++) {
-                struct doppler_point *d = &points[kind][i / 3];
-                double at = at_m[kind][i / 3][i % 3];
-                if (later)
-                    d->velocity_m_s[i % 3] = (at - d->at_m[i % 3]) / ECHO_S;
-                else
-                    d->at_m[i % 3] = at;
-            }
-    }
-    doppler_mirror(s->wall_normal, s->wall_distance_m, &out->source, &out->source_image);
-    for (size_t m = 0; m < s->n_microphones; m++)
-        doppler_mirror(s->wall_normal, s->wall_distance_m, &r->microphones[m],
-                       &r->microphone_images[m]);
-}
-
-static int hear_continuous(struct room *r, const struct room_emission *e)
-{
-    const struct scene_wall *wall = r->scene->wall_sound;
-    double delay_s = r->latency_samples / r->survey.sample_rate_hz;
-    struct emitter_scene scene = {
-        .sound_speed_m_s = room_sound_speed_m_s(r, e->pass, e->position),
-        .latency_samples = r->latency_samples,
-        .speaker = r->faults.speakers[e->speaker].wired_to,
-        .down = e->down,
-        .microphones = r->microphones,
-        .microphone_images = r->microphone_images,
-        .hidden = r->traffic.pieces,
-        .n_hidden = e->pass == PASS_SCENE ? r->traffic.n : 0,
-        .clutter = r->traffic.clutter,
-        .n_clutter = r->world.clutter.n,
-        .mirrored = r->traffic.mirrored,
-        .n_mirrored = r->world.mirrored.n,
-        .mirror = &r->world.mirror,
-        .mirror_gain = wall->reflectivity * wall->reflectivity,
-        .direct_gain = *r->scene->direct_level,
-        .wall_echo_gain = wall->echo};
-    move_stage(r, scene.speaker, e->stage_m + e->stage_m_s * delay_s, e->stage_m_s,
-               &scene);
-    emitter_execute(r->emitter, &scene, r->rendered);
-    wire(r, NULL, 1, 0);
-    return 0;
-}
-
-static int hear_standing(struct room *r, const struct room_emission *e)
-{
-    int err = room_prepare(r, e->down, e->pass, 0, e->pass == PASS_SCENE, true);
+    int err = r->survey.continuous
+                  ? room_prepare_on(r, e)
+                  : room_prepare(r, e->down, e->pass, 0, e->pass == PASS_SCENE, true);
     for (size_t m = 0; m < r->survey.n_microphones && !err; m++)
         memcpy(r->heard + m * r->n_heard,
                propagate_pair(r->propagate[e->down],
@@ -228,9 +173,7 @@ int room_hear(struct room *r, const struct room_emission *e)
 {
     if (e->speaker >= r->survey.n_speakers || (e->down && !r->survey.chirp_alternates))
         return -EINVAL;
-    if (r->survey.continuous)
-        return hear_continuous(r, e);
-    return r->scene->drive ? hear_drive(r, e) : hear_standing(r, e);
+    return r->scene->drive ? hear_drive(r, e) : hear_scan(r, e);
 }
 
 int room_emit(struct room *r, const struct room_emission *e, float *samples)

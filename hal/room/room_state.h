@@ -57,6 +57,9 @@ double room_sound_speed_m_s(const struct room *r, enum pass pass, size_t positio
 int room_prepare(struct room *r, bool down, enum pass pass, size_t position, bool objects,
                  bool surroundings);
 
+/* The same of an emission of a stage that goes on, in the middle of its chirp. */
+int room_prepare_on(struct room *r, const struct room_emission *e);
+
 /* An emission into r->heard, without noise.  0, -EINVAL, -ENOMEM. */
 int room_hear(struct room *r, const struct room_emission *e);
 

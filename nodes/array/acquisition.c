@@ -2,6 +2,7 @@
 #include "nodes/array/acquisition.h"
 
 #include <errno.h>
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -10,17 +11,30 @@
 #include "msgs/tensor.h"
 #include "msgs/topics.h"
 #include "nodes/array/ambient.h"
+#include "nodes/rt/stage_line.h"
 
 #define MAX_SHOTS        8
 #define SURVEY_PERIOD_NS 1000000000LL
 #define LOOK_NS          100000000LL /* at the device */
 #define MAX_FAILURES     5           /* in a row: then start the device anew */
 
+/* A stage that does not stop: which of its reports tell where a ping was taken, and how
+ * far beside its place in the survey one may be.  Before the first slot it is known to be
+ * up to speed for so long (nodes/scan/run.c), and behind the last one it brakes. */
+#define LINE_NS        1000000000LL
+#define LINE_STEADY_NS 140000000LL
+#define LINE_FIRST_NS  300000000LL /* for so long the scan's own line will do */
+#define MOST_OFF_M     1e-3
+
 struct shot {
     Anlos__FireCommand command; /* without its speakers */
     uint32_t *speakers;         /* [n_speakers of the survey] */
     size_t n_speakers;
     bool displaced;
+    struct places { /* of its pings on a stage that does not stop */
+        size_t n, n_off, n_unknown;
+        double sum_m, worst_m, jitter_m;
+    } places;
 };
 
 struct acquisition {
@@ -38,7 +52,8 @@ struct acquisition {
     uint32_t newest_id; /* of the commands taken, and who sent it */
     int64_t newest_epoch_ns;
     struct tensor_view samples;
-    bool heard; /* the scan */
+    struct stage_line line; /* what the stage reports on its way */
+    bool heard;             /* the scan */
     int64_t survey_due_ns;
     int64_t look_due_ns; /* 0: at once */
     unsigned failures;
@@ -114,6 +129,12 @@ static int check_command(const struct acquisition *s, const Anlos__FireCommand *
                          "fire %u: without end at one of %zu stage positions; expected a "
                          "survey of an array that stands",
                          c->id, s->survey->n_stage_positions_m);
+    if (c->n_rounds && (!array_survey(s->array)->continuous ||
+                        c->n_rounds > s->survey->n_stage_positions_m - c->position))
+        return error_say(why, -EINVAL,
+                         "fire %u: %u rounds from position %u on of %zu; expected a "
+                         "survey that is continuous, and has them",
+                         c->id, c->n_rounds, c->position, s->survey->n_stage_positions_m);
     if ((!c->n_speakers && !c->endless) || c->n_speakers > s->survey->n_speakers_m)
         return error_say(why, -EINVAL, "fire %u: %zu speakers of %zu", c->id,
                          c->n_speakers, s->survey->n_speakers_m);
@@ -140,6 +161,7 @@ int acquisition_fire(struct acquisition *s, const Anlos__FireCommand *command,
     shot->command = *command;
     shot->command.speakers = NULL;
     shot->n_speakers = command->n_speakers;
+    shot->places = (struct places){.n = 0};
     if (command->n_speakers)
         memcpy(shot->speakers, command->speakers,
                command->n_speakers * sizeof *shot->speakers);
@@ -155,6 +177,11 @@ void acquisition_displaced(struct acquisition *s, bool displaced)
     s->displaced = displaced;
     for (size_t i = 0; displaced && i < s->n_shots; i++)
         s->shots[(s->first + i) % MAX_SHOTS].displaced = true;
+}
+
+void acquisition_stage(struct acquisition *s, double place_m, int64_t at_ns)
+{
+    stage_line_add(&s->line, at_ns, place_m);
 }
 
 bool acquisition_busy(const struct acquisition *s)
@@ -179,10 +206,12 @@ static void end_shot(struct acquisition *s)
     s->fired = false;
 }
 
-/* One without end is over when another one waits. */
+/* One without end is over when another one waits; one of a stage that does not stop, too:
+ * it has come too late for that. */
 static bool is_replaced(struct acquisition *s)
 {
-    if (!s->shots[s->first].command.endless || s->n_shots < 2)
+    const Anlos__FireCommand *c = &s->shots[s->first].command;
+    if (!(c->endless || c->n_rounds) || s->n_shots < 2)
         return false;
     array_halt(s->array);
     end_shot(s);
@@ -196,7 +225,10 @@ static int start_shot(struct acquisition *s, const struct shot *shot, struct err
                                     .stage_m = shot->command.stage_m,
                                     .speakers = shot->speakers,
                                     .n_speakers = shot->n_speakers,
-                                    .endless = shot->command.endless};
+                                    .endless = shot->command.endless,
+                                    .n_rounds = shot->command.n_rounds,
+                                    .start_ns = shot->command.start_ns,
+                                    .stage_m_s = shot->command.speed_m_s};
     int err = array_fire(s->array, &fire);
 
     if (err) {
@@ -210,17 +242,76 @@ static int start_shot(struct acquisition *s, const struct shot *shot, struct err
     return 0;
 }
 
-static void write_message(struct acquisition *s, const struct shot *shot,
+/* Of a stage that does not stop: where it was when the emission began, by what it
+ * reports. false: too far from where the survey has that ping, or nobody knows. */
+static bool find_place(struct acquisition *s, struct shot *shot,
+                       const struct array_ping *ping, Anlos__Ping *out)
+{
+    const struct survey *v = array_survey(s->array);
+    struct places *p = &shot->places;
+    struct stage_line_fit fit;
+    double slot_s = (double)v->slot_samples / v->sample_rate_hz;
+    double planned_m = v->stage_positions_m[out->position] +
+                       survey_speed_m_s(v) * slot_s *
+                           (double)survey_slot_of(v, ping->shot_index);
+    out->stage_m = planned_m;
+    if (!shot->command.start_ns)
+        return true;
+    p->n++;
+    int64_t first_ns = shot->command.start_ns - LINE_STEADY_NS;
+    int64_t last_ns = shot->command.start_ns +
+                      llrint(1e9 * slot_s * (double)shot->command.n_rounds *
+                             (double)survey_slots(v, v->n_speakers));
+    int64_t from_ns = ping->t0_ns - LINE_NS, to_ns = ping->t0_ns + LINE_NS;
+    bool known = stage_line_fit(&s->line, from_ns > first_ns ? from_ns : first_ns,
+                                to_ns < last_ns ? to_ns : last_ns, &fit);
+    if (!known && ping->t0_ns - shot->command.start_ns < LINE_FIRST_NS) {
+        fit = (struct stage_line_fit){.at_ns = shot->command.start_ns,
+                                      .place_m = shot->command.stage_m,
+                                      .speed_m_s = shot->command.speed_m_s};
+    } else if (!known) {
+        p->n_unknown++;
+        return false;
+    }
+    out->stage_m = stage_line_place_m(&fit, ping->t0_ns);
+    double off_m = out->stage_m - planned_m;
+    p->sum_m += off_m;
+    p->worst_m = fabs(off_m) > fabs(p->worst_m) ? off_m : p->worst_m;
+    p->jitter_m = fmax(p->jitter_m, fit.jitter_m);
+    p->n_off += fabs(off_m) > MOST_OFF_M;
+    return fabs(off_m) <= MOST_OFF_M;
+}
+
+/* At the end of a run. */
+static void tell_places(struct acquisition *s, const struct places *p)
+{
+    size_t known = p->n - p->n_unknown;
+    if (!s->node || !p->n)
+        return;
+    bool good = !p->n_off && !p->n_unknown;
+    node_log(
+        s->node, good ? LOG_LEVEL_INFO : LOG_LEVEL_WARNING,
+        "%zu pings on the way: the stage was %+.2f mm from their places in the mean, "
+        "%+.2f at most; its reports lie %.2f mm beside a line; %zu over %.0f mm off "
+        "and %zu without a report are taken again",
+        p->n, known ? 1e3 * p->sum_m / (double)known : 0.0, 1e3 * p->worst_m,
+        1e3 * p->jitter_m, p->n_off, 1e3 * MOST_OFF_M, p->n_unknown);
+}
+
+static void write_message(struct acquisition *s, struct shot *shot,
                           const struct array_ping *ping, Anlos__Ping *out)
 {
     size_t n_mics = s->survey->n_microphones_m;
+    bool rounds = shot->command.n_rounds > 0, placed = true;
 
     anlos__ping__init(out);
     out->survey_id = s->survey->id;
     out->scan = shot->command.scan;
     out->pass = shot->command.pass;
-    out->position = shot->command.position;
+    out->position = shot->command.position + (rounds ? ping->frame - 1 : 0);
     out->stage_m = shot->command.stage_m;
+    if (rounds)
+        placed = find_place(s, shot, ping, out);
     out->speaker = shot->speakers[ping->shot_index];
     out->samples =
         tensor_borrow_f32(&s->samples, ping->samples, 2, n_mics, ping->n_samples);
@@ -228,10 +319,10 @@ static void write_message(struct acquisition *s, const struct shot *shot,
     out->clipped = (uint32_t *)ping->clipped;
     out->n_not_finite = n_mics;
     out->not_finite = (uint32_t *)ping->not_finite;
-    out->valid = ping->valid && !shot->displaced;
+    out->valid = ping->valid && !shot->displaced && placed;
     out->temperature_c = ping->temperature_c;
     out->down = ping->down;
-    out->frame = ping->frame;
+    out->frame = rounds ? 0 : ping->frame;
 }
 
 int acquisition_next(struct acquisition *s, Anlos__Ping *out, int64_t *t0_ns,
@@ -240,7 +331,7 @@ int acquisition_next(struct acquisition *s, Anlos__Ping *out, int64_t *t0_ns,
     struct array_ping ping;
 
     while (s->n_shots) {
-        const struct shot *shot = &s->shots[s->first];
+        struct shot *shot = &s->shots[s->first];
         if (is_replaced(s))
             continue;
         if (!shot->n_speakers) { /* stop */
@@ -259,6 +350,7 @@ int acquisition_next(struct acquisition *s, Anlos__Ping *out, int64_t *t0_ns,
         if (err == -EINTR || err == -EAGAIN)
             return err;
         s->ended = err == -ENODATA && shot->command.endless;
+        tell_places(s, &shot->places);
         end_shot(s);
         if (err != -ENODATA)
             return err;
@@ -285,6 +377,8 @@ static int take_stage(void *self, const struct node_message *in)
 
     acquisition_displaced(s, stage->held ||
                                  stage->state == ANLOS__STAGE_STATE__STATE__FAULT);
+    if (stage->state == ANLOS__STAGE_STATE__STATE__MOVING)
+        acquisition_stage(s, stage->position_m, in->capture_ns);
     return 0;
 }
 

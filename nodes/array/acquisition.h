@@ -27,17 +27,22 @@ const Anlos__Survey *acquisition_survey(const struct acquisition *s);
  * (it does not pack; the old one stays). */
 int acquisition_take_survey(struct acquisition *s, const struct survey *survey);
 
-/* Queues a shot.  One without end goes on until another one is queued, or an endless one
- * without speakers, which is none.  The scan sends a command again until it hears of its
- * pings: one with the id and sender's epoch of the newest one is ignored.  0, -EINVAL (a
- * position or speaker that the survey has not; the error says which), -ENOBUFS (too
- * many shots are waiting). */
+/* Queues a shot.  One without end, or of a stage that does not stop, goes on until
+ * another one is queued, or an endless one without speakers, which is none.  The scan
+ * sends a command again until it hears of its pings: one with the id and sender's epoch
+ * of the newest one is ignored.  0, -EINVAL (a position or speaker that the survey has
+ * not; the error says which), -ENOBUFS (too many shots are waiting). */
 int acquisition_fire(struct acquisition *s, const Anlos__FireCommand *command,
                      int64_t epoch_ns, struct error *why);
 
 /* Whether the stage may stand elsewhere than the scan knows: pushed by hand, or in fault.
  * Pings recorded then, and the rest of the shots that were queued then, are not valid. */
 void acquisition_displaced(struct acquisition *s, bool displaced);
+
+/* Where the stage was, as it reports on its way.  Pings of a stage that does not stop are
+ * placed by that (nodes/rt/stage_line.h); those over a millimetre beside their place in
+ * the survey, or that no report tells of, are not valid. */
+void acquisition_stage(struct acquisition *s, double place_m, int64_t at_ns);
 
 /* Is there anything to record? */
 bool acquisition_busy(const struct acquisition *s);

@@ -203,6 +203,10 @@ static int resolve_paths(struct launchfile *l, const struct launchfile_options *
                                                               options_with_paths[i]));
     if (!err)
         err = launchfile_resolve_can(l, folder);
+    /* A recording says itself how it was made. */
+    if (!err && l->scan.continuous && !uri_has_scheme(l->array.uri, "wav"))
+        err =
+            uri_replace(&l->array.uri, uri_set_option(l->array.uri, "continuous", "yes"));
     if (!err && options && options->realtime && uri_has_scheme(l->array.uri, "sim"))
         err = uri_replace(&l->array.uri, uri_set_option(l->array.uri, "pace", "real"));
     if (!err && options && options->realtime && uri_has_scheme(l->stage.uri, "sim"))

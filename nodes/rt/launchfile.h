@@ -57,7 +57,9 @@ struct launchfile {
         char *uri; /* hal/stage.h; default "sim:" */
     } stage;
     struct {
-        bool fixed; /* mode: the array stands and fires without end; else stepped */
+        bool fixed;      /* mode: the array stands and fires without end; */
+        bool continuous; /* or its stage does not stop, which array.uri says too; else */
+                         /* stepped, unless the array's file says otherwise */
         uint32_t *speakers;         /* [n_speakers] of a fixed array, in this order */
         size_t n_speakers;          /* 0: all */
         unsigned background_frames; /* of a fixed array */

@@ -24,10 +24,11 @@ static int copy_mode(struct launchfile *l, const struct launch_text *t, struct e
     const char *mode = t->scan.mode ? t->scan.mode : "stepped";
 
     l->scan.fixed = !strcmp(mode, "fixed");
-    if (l->scan.fixed || !strcmp(mode, "stepped"))
+    l->scan.continuous = !strcmp(mode, "continuous");
+    if (l->scan.fixed || l->scan.continuous || !strcmp(mode, "stepped"))
         return 0;
     return yaml_error_say(why, -EINVAL, l->path, "scan.mode",
-                          "expected stepped or fixed, not %s", mode);
+                          "expected stepped, continuous or fixed, not %s", mode);
 }
 
 static int refuse_of_stepped(const struct launchfile *l, const struct launch_text *t,

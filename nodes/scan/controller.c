@@ -58,7 +58,7 @@ static int take_stage(void *self, const struct node_message *in)
     struct controller *c = self;
 
     if (hear(c, in) && c->scan)
-        scan_stage(c->scan, (const Anlos__StageState *)in->content);
+        scan_stage(c->scan, (const Anlos__StageState *)in->content, in->capture_ns);
     return 0;
 }
 

@@ -10,11 +10,14 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "msgs/convert.h"
 #include "msgs/stage.pb-c.h"
 #include "msgs/survey.pb-c.h"
 #include "nodes/scan/peers.h"
 #include "nodes/scan/pending_fire.h"
 #include "nodes/scan/ping_tracker.h"
+#include "nodes/scan/run.h"
+#include "recon/survey.h"
 
 /* The stage as the scan drives it: a command until the state says that it was accepted
  * and is done.  A fault, or a person's hand on it, it waits out, and then restarts. */
@@ -30,7 +33,7 @@ enum stage_client_progress {
 struct stage_client {
     bool commanded;
     uint32_t id;
-    double target_m;
+    double target_m, speed_m_s;
     int64_t sent_ns;
     bool accepted, idle, refused;
     bool fault, held;
@@ -80,26 +83,28 @@ static bool stage_client_is_paused(const struct stage_client *c)
 }
 
 static enum stage_client_progress send_new(struct stage_client *c, double target_m,
-                                           int64_t now_ns)
+                                           double speed_m_s, int64_t now_ns)
 {
     c->commanded = true;
     c->accepted = false;
     c->id++;
     c->target_m = target_m;
+    c->speed_m_s = speed_m_s;
     c->sent_ns = now_ns;
     return STAGE_CLIENT_SEND;
 }
 
-/* Brings the stage to the target.  On CARRIAGE_SEND, id and target_m are to be sent. */
+/* Brings the stage to the target, at its own speed (0) or another.  On STAGE_CLIENT_SEND
+ * id, target_m and speed_m_s are to be sent. */
 static enum stage_client_progress stage_client_go(struct stage_client *c, double target_m,
-                                                  int64_t now_ns)
+                                                  double speed_m_s, int64_t now_ns)
 {
     if (stage_client_is_paused(c)) {
         c->commanded = c->accepted = false;
         return STAGE_CLIENT_PAUSED;
     }
-    if (!c->commanded || c->target_m != target_m)
-        return send_new(c, target_m, now_ns);
+    if (!c->commanded || c->target_m != target_m || c->speed_m_s != speed_m_s)
+        return send_new(c, target_m, speed_m_s, now_ns);
     if (!c->accepted) {
         if (now_ns - c->sent_ns < RESEND_NS)
             return STAGE_CLIENT_MOVING;
@@ -142,6 +147,22 @@ static size_t route_missing(const struct route *r, const struct ping_tracker *l,
     return ping_tracker_missing(l, pass, position, r->speakers);
 }
 
+/* The positions where anything is missing, and one more at each end: a ping sounds as it
+ * did only between its neighbours.  false: none is. */
+static bool route_span(const struct route *r, const struct ping_tracker *l,
+                       Anlos__Pass pass, size_t *first, size_t *end)
+{
+    *first = r->n_positions;
+    *end = 0;
+    for (size_t i = 0; i < r->n_positions; i++) {
+        if (!route_missing(r, l, pass, i))
+            continue;
+        *first = *end ? *first : (i ? i - 1 : 0);
+        *end = i + 2 < r->n_positions ? i + 2 : r->n_positions;
+    }
+    return *end > 0;
+}
+
 /* The nearest position where something is missing; n_positions: nowhere.  So the stage
  * goes there and back again, and takes up what was lost on its way. */
 static size_t route_nearest(const struct route *r, const struct ping_tracker *l,
@@ -169,6 +190,12 @@ struct scan {
     struct ping_tracker *ping_tracker; /* NULL: no survey yet */
     uint64_t survey_id;
     struct route route;
+    double speed_m_s; /* of a stage that does not stop; else 0 */
+    size_t n_speakers;
+    bool running; /* there is a run, */
+    struct run run;
+    size_t run_end;                   /* from position on, before this one */
+    double round_s;                   /* that a round of it takes */
     uint32_t number;                  /* of the scan, from 1 */
     struct pending_fire pending_fire; /* fired last */
     size_t position;
@@ -223,6 +250,18 @@ bool scan_hear(struct scan *s, const char *from, int64_t epoch_ns, int64_t now_n
     }
 }
 
+static int take_speed(double *speed_m_s, const Anlos__Survey *survey)
+{
+    struct survey v;
+    int err = survey_from_message(&v, survey, NULL);
+
+    if (err)
+        return err;
+    *speed_m_s = survey_speed_m_s(&v);
+    survey_clear(&v);
+    return 0;
+}
+
 int scan_survey(struct scan *s, const Anlos__Survey *survey)
 {
     struct ping_tracker_size size = {.background = s->cfg.background,
@@ -234,7 +273,10 @@ int scan_survey(struct scan *s, const Anlos__Survey *survey)
     if (s->ping_tracker && survey->id == s->survey_id)
         return 0;
     struct route route = {.n_positions = 0};
-    int err = ping_tracker_create(&ping_tracker, &size);
+    double speed_m_s = 0;
+    int err = survey->continuous ? take_speed(&speed_m_s, survey) : 0;
+    if (!err)
+        err = ping_tracker_create(&ping_tracker, &size);
     if (!err)
         err = route_open(&route, survey);
     if (!err)
@@ -249,6 +291,11 @@ int scan_survey(struct scan *s, const Anlos__Survey *survey)
     s->ping_tracker = ping_tracker;
     s->route = route;
     s->survey_id = survey->id;
+    s->speed_m_s = speed_m_s;
+    s->round_s =
+        speed_m_s != 0 ? (route.positions_m[1] - route.positions_m[0]) / speed_m_s : 0;
+    s->n_speakers = survey->n_speakers_m;
+    s->running = false;
     s->position = 0;
     s->start_ns = 0;
     s->number++;
@@ -260,9 +307,11 @@ void scan_health(struct scan *s, const char *from, const Anlos__Health *health)
     peers_health(&s->peers, from, health);
 }
 
-void scan_stage(struct scan *s, const Anlos__StageState *state)
+void scan_stage(struct scan *s, const Anlos__StageState *state, int64_t at_ns)
 {
     stage_client_state(&s->stage_client, state);
+    if (s->running && s->stage_client.accepted)
+        run_report(&s->run, state, at_ns);
 }
 
 void scan_ping(struct scan *s, const Anlos__Ping *ping, int64_t now_ns)
@@ -318,21 +367,21 @@ static void fire(struct scan *s, Anlos__Pass pass, size_t n, int64_t now_ns,
     send_pending_fire(s, now_ns, out);
 }
 
-/* true: the stage stands where it should.  What is on its way to the image still gets
- * there when it cannot. */
-static bool move(struct scan *s, int64_t now_ns, const struct ping_tracker_count *count,
-                 struct scan_action *out)
+/* true: the stage stands there.  What is on its way to the image still gets there when it
+ * cannot. */
+static bool move(struct scan *s, double target_m, double speed_m_s, int64_t now_ns,
+                 const struct ping_tracker_count *count, struct scan_action *out)
 {
     if (!s->cfg.has_stage)
         return true;
-    switch (
-        stage_client_go(&s->stage_client, s->route.positions_m[s->position], now_ns)) {
+    switch (stage_client_go(&s->stage_client, target_m, speed_m_s, now_ns)) {
     case STAGE_CLIENT_THERE:
         return true;
     case STAGE_CLIENT_SEND:
         out->move = true;
         out->stage_command.id = s->stage_client.id;
-        out->stage_command.target_m = s->stage_client.target_m;
+        out->stage_command.target_m = target_m;
+        out->stage_command.speed_m_s = speed_m_s;
         return false;
     case STAGE_CLIENT_FAILED:
         if (!count->under_way)
@@ -372,6 +421,7 @@ static bool all_ready(struct scan *s, int64_t now_ns)
 static void begin_pause(struct scan *s, int64_t now_ns)
 {
     s->pause_ns = now_ns;
+    s->running = false;
     ping_tracker_forget_under_way(s->ping_tracker);
     pending_fire_answer(&s->pending_fire);
 }
@@ -395,6 +445,106 @@ static bool pauses(struct scan *s, int64_t now_ns)
     return true;
 }
 
+/* A round is over where the next one begins, the last one as much further on. */
+static void begin_run(struct scan *s, size_t first, size_t end)
+{
+    const double *at_m = s->route.positions_m;
+
+    s->running = true;
+    s->position = first;
+    s->run_end = end;
+    run_begin(&s->run, at_m[first], at_m[end - 1] + at_m[1] - at_m[0], s->speed_m_s);
+}
+
+/* All speakers of all rounds; what was missing counts. */
+static void fire_run(struct scan *s, Anlos__Pass pass, struct scan_action *out,
+                     int64_t now_ns)
+{
+    Anlos__FireCommand *c = &s->pending_fire.command;
+
+    for (size_t k = s->position; k < s->run_end; k++) {
+        size_t n = route_missing(&s->route, s->ping_tracker, pass, k);
+        for (size_t i = 0; i < n; i++) {
+            const struct ping_tracker_ping ping = {pass, k, s->route.speakers[i]};
+            ping_tracker_fire(s->ping_tracker, &ping);
+        }
+    }
+    for (size_t j = 0; j < s->n_speakers; j++)
+        s->route.speakers[j] = (uint32_t)j;
+    pending_fire_load(&s->pending_fire, s->number, s->route.speakers, s->n_speakers);
+    c->pass = pass;
+    c->position = (uint32_t)s->position;
+    c->n_rounds = (uint32_t)(s->run_end - s->position);
+    c->stage_m = s->run.first_m;
+    c->start_ns = s->cfg.has_stage ? s->run.start_ns : 0;
+    c->speed_m_s = s->cfg.has_stage ? s->speed_m_s : 0;
+    s->sign_ns = s->cfg.has_stage ? s->run.start_ns : now_ns;
+    send_pending_fire(s, now_ns, out);
+}
+
+static void step_run(struct scan *s, Anlos__Pass pass, int64_t now_ns,
+                     const struct ping_tracker_count *count, struct scan_action *out)
+{
+    enum run_progress progress = run_step(&s->run, now_ns);
+
+    switch (progress) {
+    case RUN_TO_START:
+        s->sign_ns = now_ns; /* a way back may be long */
+        if (move(s, s->run.go_m, 0, now_ns, count, out))
+            run_stands(&s->run);
+        return;
+    case RUN_SETS_OFF:
+        s->sign_ns = now_ns;
+        move(s, s->run.go_m, s->speed_m_s > 0 ? s->speed_m_s : -s->speed_m_s, now_ns,
+             count, out);
+        return;
+    case RUN_FIRES:
+        fire_run(s, pass, out, now_ns);
+        return;
+    case RUN_FAILED:
+        fail(s, "stage", s->run.text);
+        return;
+    default:
+        return;
+    }
+}
+
+/* What was missing may be recorded before the last slot ends. */
+static bool is_over(const struct scan *s, int64_t now_ns)
+{
+    double run_s = s->round_s * (double)(s->run_end - s->position);
+
+    return !s->running || !s->run.fired || !s->cfg.has_stage ||
+           now_ns - s->run.start_ns > llrint(1e9 * run_s);
+}
+
+/* On a stage that does not stop.  A command that got lost is not sent again: it would
+ * come too late. */
+static void advance_runs(struct scan *s, int64_t now_ns,
+                         const struct ping_tracker_count *count, struct scan_action *out)
+{
+    Anlos__Pass pass = ping_tracker_pass(s->ping_tracker);
+    size_t first, end;
+
+    if (count->recording || !is_over(s, now_ns))
+        return;
+    if (s->running &&
+        (s->run.fired || !route_span(&s->route, s->ping_tracker, pass, &first, &end)))
+        s->running = false;
+    if (!s->running) {
+        if (count->under_way ||
+            !route_span(&s->route, s->ping_tracker, pass, &first, &end))
+            return;
+        begin_run(s, first, end);
+    }
+    if (s->cfg.has_stage) {
+        step_run(s, pass, now_ns, count, out);
+        return;
+    }
+    s->run.fired = true;
+    fire_run(s, pass, out, now_ns);
+}
+
 static void advance(struct scan *s, int64_t now_ns,
                     const struct ping_tracker_count *count, struct scan_action *out)
 {
@@ -411,7 +561,7 @@ static void advance(struct scan *s, int64_t now_ns,
     if (next == s->route.n_positions)
         return;
     s->position = next;
-    if (!move(s, now_ns, count, out))
+    if (!move(s, s->route.positions_m[next], 0, now_ns, count, out))
         return;
     size_t n = route_missing(&s->route, s->ping_tracker, pass, s->position);
     size_t whole = n < s->cfg.window ? n : s->cfg.window;
@@ -447,7 +597,10 @@ void scan_step(struct scan *s, int64_t now_ns, struct scan_action *out)
         ping_tracker_time_out(s->ping_tracker);
         ping_tracker_count(s->ping_tracker, &count);
     }
-    advance(s, now_ns, &count, out);
+    if (s->speed_m_s != 0)
+        advance_runs(s, now_ns, &count, out);
+    else
+        advance(s, now_ns, &count, out);
 }
 
 void scan_status(const struct scan *s, int64_t now_ns, Anlos__ScanStatus *out)

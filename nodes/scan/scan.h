@@ -5,7 +5,12 @@
  * It goes on to the next position while receipts are on their way, but never has more
  * than `window` pings under way.  A ping that got lost is taken again, up to `retries`
  * times; a node that was restarted loses what it kept, and that is taken again too.
- * While the stage is in fault or held by hand the scan pauses, and nothing times out. */
+ * While the stage is in fault or held by hand the scan pauses, and nothing times out.
+ *
+ * Where the survey says that the stage does not stop, each pass is a run along all
+ * positions (nodes/scan/run.h), with as many pings under way as that has.  What got lost
+ * is taken again in another run, from the round before the first to the one after the
+ * last of them. */
 #ifndef ANLOS_NODES_SCAN_SCAN_H
 #define ANLOS_NODES_SCAN_SCAN_H
 
@@ -51,7 +56,8 @@ bool scan_hear(struct scan *s, const char *from, int64_t epoch_ns, int64_t now_n
 /* Another survey than before starts the scan over.  0, -EINVAL, -ENOMEM. */
 int scan_survey(struct scan *s, const Anlos__Survey *survey);
 void scan_health(struct scan *s, const char *from, const Anlos__Health *health);
-void scan_stage(struct scan *s, const Anlos__StageState *state);
+/* at_ns: when its position was true */
+void scan_stage(struct scan *s, const Anlos__StageState *state, int64_t at_ns);
 void scan_ping(struct scan *s, const Anlos__Ping *ping, int64_t now_ns);
 void scan_receipt(struct scan *s, const Anlos__Receipt *receipt, int64_t now_ns);
 

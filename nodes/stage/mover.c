@@ -28,6 +28,7 @@ static void say_refusal(char out[MOVER_TEXT_SIZE], const char *what, double targ
     snprintf(out, MOVER_TEXT_SIZE, "cannot %s %.4f m: %s", what, target_m,
              err == -ERANGE   ? "it does not reach that far"
              : err == -ESTALE ? "its place is not known, home it first"
+             : err == -EDOM   ? "it does not go at that speed"
                               : strerror(-err));
 }
 
@@ -42,9 +43,14 @@ void mover_command(struct mover *m, const Anlos__StageCommand *command)
     m->command_id = command->id;
     m->target_m = command->target_m;
     m->refusal[0] = '\0';
-    int err = stage_move(m->stage, command->target_m);
+    char what[48] = "move to";
+    if (command->speed_m_s > 0)
+        snprintf(what, sizeof what, "move at %.4f m/s to", command->speed_m_s);
+    int err = command->speed_m_s > 0
+                  ? stage_move_at(m->stage, command->target_m, command->speed_m_s)
+                  : stage_move(m->stage, command->target_m);
     if (err && err != -ESTALE) /* which the stage's own fault says better */
-        say_refusal(m->refusal, "move to", command->target_m, err);
+        say_refusal(m->refusal, what, command->target_m, err);
 }
 
 /* The scan's command is void from now on, so that it is given again. */
@@ -165,6 +171,7 @@ bool mover_state(struct mover *m, int64_t now_ns, Anlos__StageState *out)
                          : REST_PERIOD_NS;
     if (!is_news(m, out) && now_ns - m->last_ns < period)
         return false;
+    m->at_ns = status.at_ns;
     m->told = true;
     m->last = *out;
     m->last_ns = now_ns;
@@ -213,7 +220,7 @@ static int tell(void *self)
     int err = 0;
 
     if (mover_state(m, node_now_ns(m->node), &state))
-        err = node_publish(m->node, topic_stage_state(), 0, &state.base);
+        err = node_publish(m->node, topic_stage_state(), m->at_ns, &state.base);
     const char *note = mover_note(m);
     if (note)
         node_log(m->node, LOG_LEVEL_WARNING, "%s", note);

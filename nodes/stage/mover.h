@@ -31,6 +31,7 @@ struct mover {
     bool note_told;
     bool told;              /* a state has been given out */
     Anlos__StageState last; /* it, without its text */
+    int64_t at_ns;          /* when its position was true */
     char text[MOVER_TEXT_SIZE];
     int64_t last_ns;
 };

@@ -27,7 +27,7 @@ static uint32_t pings_of_scene(void)
 }
 
 static void write_system(struct scratch *s, const char *array, const char *stage,
-                         const char *background)
+                         const char *scan)
 {
     char text[1024];
 
@@ -35,9 +35,9 @@ static void write_system(struct scratch *s, const char *array, const char *stage
              "nodes: [stage, array, scan, dsp, recon, track, can, report]\n"
              "array: {uri: '%s'}\n"
              "stage: {uri: '%s'}\n"
-             "scan: {background: %s}\n"
+             "scan: {%s}\n"
              "report: {folder: %s/out}\n",
-             array, stage, background, s->folder);
+             array, stage, scan, s->folder);
     scratch_write(s, "launch.yaml", text);
 }
 
@@ -46,7 +46,7 @@ static void write_launch(struct scratch *s, const char *pace)
     char array[512];
 
     snprintf(array, sizeof array, "sim:%s?pace=%s", SCENE, pace);
-    write_system(s, array, "sim:?pace=fast", "true");
+    write_system(s, array, "sim:?pace=fast", "background: true");
 }
 
 static pid_t start(struct scratch *s)
@@ -204,7 +204,7 @@ static void one_command_goes_from_chirp_to_can_frame(void **state)
 }
 
 /* By another process, like everything else here. */
-static void make_recording(struct scratch *s)
+static void make_recording(struct scratch *s, const char *scene)
 {
     int status;
     pid_t pid = fork();
@@ -213,7 +213,7 @@ static void make_recording(struct scratch *s)
     if (!pid) {
         if (!freopen("/dev/null", "w", stdout))
             _exit(98);
-        execl(BINARY_DIR "/bin/anlos", "anlos", "sim", SCENE, "--out",
+        execl(BINARY_DIR "/bin/anlos", "anlos", "sim", scene, "--out",
               scratch_path(s, "rec"), NULL);
         _exit(99);
     }
@@ -227,15 +227,46 @@ static void a_recording_goes_the_same_way(void **state)
     struct scratch *s = *state;
     char array[300];
 
-    make_recording(s);
+    make_recording(s, SCENE);
     snprintf(array, sizeof array, "wav:%s/rec/scene?background=%s/rec/background",
              s->folder, s->folder);
-    write_system(s, array, "none:", "true");
+    write_system(s, array, "none:", "background: true");
     assert_ends_well(s, start(s));
     assert_folder(s);
     json_t *o = read_json(s, "out/detections.json");
     assert_string_equal(json_string_value(json_object_get(o, "source")), "replay");
     json_decref(o);
+}
+
+/* At 8 cm/s; who is late on a busy machine has other runs. */
+static void a_stage_that_does_not_stop_finds_the_same(void **state)
+{
+    struct scratch *s = *state;
+    const uint32_t n_pings = pings_of_scene();
+
+    write_system(s, "sim:" SCENE "?slot_samples=6000",
+                 "sim:", "mode: continuous, background: true, retries: 100");
+    assert_ends_well(s, start(s));
+    assert_folder(s);
+    json_t *report = read_json(s, "out/report.json");
+    assert_string_equal(json_string_value(json_object_get(report, "state")), "done");
+    assert_int_equal(integer(report, "pings", "done"), n_pings);
+    assert_int_equal(integer(report, "pings", "lost"), 0);
+    assert_int_equal(integer(report, "pings", "imaged"), n_pings / 2);
+    json_decref(report);
+}
+
+static void a_recording_of_it_goes_the_same_way(void **state)
+{
+    struct scratch *s = *state;
+    char array[300];
+
+    make_recording(s, SCENE "?slot_samples=3000&continuous=yes");
+    snprintf(array, sizeof array, "wav:%s/rec/scene?background=%s/rec/background",
+             s->folder, s->folder);
+    write_system(s, array, "none:", "mode: continuous, background: true");
+    assert_ends_well(s, start(s));
+    assert_folder(s);
 }
 
 /* Half of the positions are out of the stage's reach. */
@@ -244,7 +275,7 @@ static void a_scan_that_fails_shows_what_it_has_found(void **state)
     struct scratch *s = *state;
     int status;
 
-    write_system(s, "sim:" SCENE, "sim:?pace=fast&max=0.1", "false");
+    write_system(s, "sim:" SCENE, "sim:?pace=fast&max=0.1", "background: false");
     pid_t pid = start(s);
     assert_int_equal(waitpid(pid, &status, 0), pid);
     assert_true(WIFEXITED(status));
@@ -335,6 +366,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         TEST(one_command_goes_from_chirp_to_can_frame),
         TEST(a_recording_goes_the_same_way),
+        TEST(a_stage_that_does_not_stop_finds_the_same),
+        TEST(a_recording_of_it_goes_the_same_way),
         TEST(a_scan_that_fails_shows_what_it_has_found),
         TEST(a_dsp_killed_during_the_scan_costs_time_only),
         TEST(a_recon_killed_during_the_scan_costs_time_only),

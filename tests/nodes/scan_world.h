@@ -121,7 +121,7 @@ static inline void tell_stage(struct world *w)
     s.target_m = w->target_m;
     s.text = (char *)"a limit switch is open";
     if (scan_hear(w->scan, "stage", w->epoch.stage, w->now_ns))
-        scan_stage(w->scan, &s);
+        scan_stage(w->scan, &s, w->now_ns);
 }
 
 static inline void tell_receipt(struct world *w, const char *from, int64_t epoch,

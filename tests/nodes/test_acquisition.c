@@ -17,12 +17,15 @@
 #include "nodes/array/acquisition.h"
 
 #define N_SAMPLES 3
+#define SLOT_NS   INT64_C(31250000) /* of the scene */
+#define SPEED_M_S (0.04 / 0.125)    /* four of them from position to position */
 
 struct array {
     struct room *room;
     struct array_shot shot;
     size_t next;
     int fires, halts, fire_result, next_result;
+    int64_t late_ns; /* of what is to begin at a time */
     float samples[16][N_SAMPLES];
     uint32_t clipped[16], not_finite[16];
 };
@@ -44,16 +47,18 @@ int array_next(struct array *a, struct array_ping *out, struct error *why)
 {
     if (a->next_result)
         return error_say(why, a->next_result, "the cable is out");
-    if (!a->shot.endless && a->next == a->shot.n_speakers)
+    size_t n_rounds = a->shot.n_rounds ? a->shot.n_rounds : 1;
+    if (!a->shot.endless && a->next == n_rounds * a->shot.n_speakers)
         return -ENODATA;
     size_t index = a->next % a->shot.n_speakers;
+    bool rounds = a->shot.endless || a->shot.n_rounds;
     for (size_t m = 0; m < 16; m++)
         for (size_t i = 0; i < N_SAMPLES; i++)
             a->samples[m][i] = (float)a->shot.speakers[index];
     a->clipped[1] = 5;
     *out = (struct array_ping){
         .shot_index = index,
-        .frame = a->shot.endless ? (uint32_t)(a->next / a->shot.n_speakers + 1) : 0,
+        .frame = rounds ? (uint32_t)(a->next / a->shot.n_speakers + 1) : 0,
         .down = index == 1,
         .samples = a->samples[0],
         .n_samples = N_SAMPLES,
@@ -62,6 +67,8 @@ int array_next(struct array *a, struct array_ping *out, struct error *why)
         .valid = true,
         .temperature_c = 21.5,
         .t0_ns = 1001 + (int64_t)a->next};
+    if (a->shot.n_rounds)
+        out->t0_ns = a->shot.start_ns + a->late_ns + SLOT_NS * (int64_t)a->next;
     a->next++;
     return 0;
 }
@@ -104,6 +111,20 @@ static int setup(void **state)
     struct rig *r = calloc(1, sizeof *r);
 
     if (!r || room_load(&r->array.room, SOURCE_DIR "/tests/nodes/point.yaml", NULL) ||
+        acquisition_create(&r->acquisition, NULL, &r->array))
+        return -1;
+    *state = r;
+    return 0;
+}
+
+static int setup_continuous(void **state)
+{
+    const struct firing firing = {.stage = FIRING_STAGE_GOES_ON};
+    struct rig *r = calloc(1, sizeof *r);
+
+    if (!r ||
+        room_load_drawn(&r->array.room, SOURCE_DIR "/tests/nodes/point.yaml", &firing, 0,
+                        NULL) ||
         acquisition_create(&r->acquisition, NULL, &r->array))
         return -1;
     *state = r;
@@ -230,6 +251,145 @@ static void what_was_queued_while_the_stage_is_displaced_is_not_valid(void **sta
     assert_int_equal(fire(r, 3, 1, later, 1, NULL), 0);
     assert_int_equal(acquisition_next(r->acquisition, &ping, &t0, NULL), 0);
     assert_false(ping.valid);
+}
+
+#define START_NS INT64_C(1795393947000000000)
+
+static void fire_rounds(struct rig *r, uint32_t id, uint32_t position, uint32_t n_rounds,
+                        int64_t start_ns)
+{
+    uint32_t speakers[] = {0, 1, 2, 3};
+    Anlos__FireCommand c = ANLOS__FIRE_COMMAND__INIT;
+
+    c.id = id;
+    c.pass = ANLOS__PASS__SCENE;
+    c.position = position;
+    c.n_rounds = n_rounds;
+    c.start_ns = start_ns;
+    c.stage_m = 0.04 * position;
+    c.speed_m_s = SPEED_M_S;
+    c.speakers = speakers;
+    c.n_speakers = 4;
+    assert_int_equal(acquisition_fire(r->acquisition, &c, 77, NULL), 0);
+}
+
+/* Reports every 50 ms of a stage that is so much beside the plan. */
+static void report(struct rig *r, int64_t from_ns, int64_t to_ns, double position_m,
+                   double off_m)
+{
+    for (int64_t t = from_ns; t <= to_ns; t += 50000000)
+        acquisition_stage(r->acquisition,
+                          position_m + off_m + SPEED_M_S * 1e-9 * (double)(t - START_NS),
+                          t);
+}
+
+static void pings_on_the_way_are_placed_by_the_stages_reports(void **state)
+{
+    struct rig *r = *state;
+    Anlos__Ping ping;
+    int64_t t0;
+
+    report(r, START_NS - 100000000, START_NS + 600000000, 0.08, 2e-4);
+    fire_rounds(r, 1, 2, 3, START_NS);
+    for (uint32_t k = 0; k < 12; k++) {
+        assert_int_equal(acquisition_next(r->acquisition, &ping, &t0, NULL), 0);
+        double planned_m = 0.08 + SPEED_M_S * 0.03125 * k;
+        assert_int_equal(t0, START_NS + SLOT_NS * k);
+        assert_int_equal(ping.position, 2 + k / 4);
+        assert_int_equal(ping.speaker, k % 4);
+        assert_int_equal(ping.frame, 0);
+        assert_true(fabs(ping.stage_m - planned_m - 2e-4) < 1e-7);
+        assert_true(ping.valid);
+    }
+    assert_int_equal(acquisition_next(r->acquisition, &ping, &t0, NULL), -ENODATA);
+}
+
+/* 5 ms late are 1.6 mm. */
+static void a_ping_beside_its_place_is_not_valid(void **state)
+{
+    struct rig *r = *state;
+    Anlos__Ping ping;
+    int64_t t0;
+
+    report(r, START_NS - 100000000, START_NS + 600000000, 0, 0);
+    r->array.late_ns = 5000000;
+    fire_rounds(r, 1, 0, 1, START_NS);
+    assert_int_equal(acquisition_next(r->acquisition, &ping, &t0, NULL), 0);
+    assert_true(fabs(ping.stage_m - 0.0016) < 1e-7);
+    assert_false(ping.valid);
+    r->array.late_ns = 2000000;
+    fire_rounds(r, 2, 0, 1, START_NS); /* in its place */
+    assert_int_equal(acquisition_next(r->acquisition, &ping, &t0, NULL), 0);
+    assert_true(ping.valid && ping.position == 0);
+    assert_int_equal(r->array.halts, 1);
+}
+
+/* The scan knew where it would begin; 0.3 s later nobody does. */
+static void without_reports_only_the_first_pings_have_a_place(void **state)
+{
+    struct rig *r = *state;
+    Anlos__Ping ping;
+    int64_t t0;
+
+    fire_rounds(r, 1, 0, 3, START_NS);
+    for (uint32_t k = 0; k < 12; k++) {
+        assert_int_equal(acquisition_next(r->acquisition, &ping, &t0, NULL), 0);
+        assert_int_equal(ping.valid, SLOT_NS * k < 300000000);
+    }
+}
+
+/* Reports of the way there, and of braking, do not count. */
+static void other_ways_of_the_stage_do_not_count(void **state)
+{
+    struct rig *r = *state;
+    Anlos__Ping ping;
+    int64_t t0;
+
+    acquisition_stage(r->acquisition, 0.3, START_NS - 600000000);
+    acquisition_stage(r->acquisition, 0.2, START_NS - 500000000);
+    acquisition_stage(r->acquisition, 0.1, START_NS - 400000000);
+    report(r, START_NS - 100000000, START_NS + 120000000, 0, 0);
+    acquisition_stage(r->acquisition, 0.05, START_NS + 200000000);
+    acquisition_stage(r->acquisition, 0.05, START_NS + 300000000);
+    fire_rounds(r, 1, 0, 1, START_NS);
+    for (uint32_t k = 0; k < 4; k++) {
+        assert_int_equal(acquisition_next(r->acquisition, &ping, &t0, NULL), 0);
+        assert_true(ping.valid);
+        assert_true(fabs(ping.stage_m - SPEED_M_S * 0.03125 * k) < 1e-7);
+    }
+}
+
+/* A recording that is played was moved when it was made. */
+static void without_a_time_pings_are_where_the_survey_has_them(void **state)
+{
+    struct rig *r = *state;
+    Anlos__Ping ping;
+    int64_t t0;
+
+    fire_rounds(r, 1, 1, 2, 0);
+    for (uint32_t k = 0; k < 8; k++) {
+        assert_int_equal(acquisition_next(r->acquisition, &ping, &t0, NULL), 0);
+        assert_true(ping.valid);
+        assert_true(fabs(ping.stage_m - 0.04 - 0.01 * k) < 1e-9);
+    }
+}
+
+static void rounds_that_the_survey_does_not_have_are_refused(void **state)
+{
+    struct rig *r = *state;
+    uint32_t speakers[] = {0, 1, 2, 3};
+    Anlos__FireCommand c = ANLOS__FIRE_COMMAND__INIT;
+    struct error why = {""};
+
+    c.id = 1;
+    c.pass = ANLOS__PASS__SCENE;
+    c.position = 4;
+    c.n_rounds = 3;
+    c.speakers = speakers;
+    c.n_speakers = 4;
+    assert_int_equal(acquisition_fire(r->acquisition, &c, 77, &why), -EINVAL);
+    assert_string_equal(why.text, "fire 1: 3 rounds from position 4 on of 6; expected a "
+                                  "survey that is continuous, and has them");
 }
 
 static void a_command_sent_again_is_not_fired_again(void **state)
@@ -451,6 +611,8 @@ static void an_array_on_a_stage_does_not_go_on_without_end(void **state)
 #define TEST(f)  cmocka_unit_test_setup_teardown(f, setup, teardown)
 #define FIXED(f) cmocka_unit_test_setup_teardown(f, setup_fixed, teardown)
 
+#define MOVING(name) cmocka_unit_test_setup_teardown(name, setup_continuous, teardown)
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -465,6 +627,12 @@ int main(void)
         TEST(an_array_that_fails_loses_the_rest_of_the_shot_only),
         TEST(a_signal_costs_nothing),
         TEST(a_position_that_cannot_be_fired_is_named),
+        MOVING(pings_on_the_way_are_placed_by_the_stages_reports),
+        MOVING(a_ping_beside_its_place_is_not_valid),
+        MOVING(without_reports_only_the_first_pings_have_a_place),
+        MOVING(other_ways_of_the_stage_do_not_count),
+        MOVING(without_a_time_pings_are_where_the_survey_has_them),
+        MOVING(rounds_that_the_survey_does_not_have_are_refused),
         FIXED(a_shot_without_end_goes_on_in_frames_until_another_is_queued),
         FIXED(a_recording_that_ends_by_itself_is_told),
         FIXED(a_shot_without_end_is_stopped_by_one_without_speakers),

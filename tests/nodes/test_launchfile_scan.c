@@ -43,7 +43,8 @@ static void what_does_not_fit_is_named(void **state)
     static const struct {
         const char *text, *says;
     } cases[] = {
-        {"scan: {mode: quick}", ":2: scan.mode: expected stepped or fixed, not quick"},
+        {"scan: {mode: quick}",
+         ":2: scan.mode: expected stepped, continuous or fixed, not quick"},
         {"scan: {speakers: [1]}", ":2: scan.speakers: is of an array that stands; "
                                   "expected it with scan.mode: fixed"},
         {"dsp: {background: adaptive}", ":2: dsp.background: is of an array that "

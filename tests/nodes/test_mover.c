@@ -16,6 +16,7 @@
 struct stage {
     struct stage_status status;
     int moves, homes, stops, result;
+    double speed_m_s;
 };
 
 int stage_move(struct stage *s, double target_m)
@@ -26,6 +27,12 @@ int stage_move(struct stage *s, double target_m)
         s->status.target_m = target_m;
     }
     return s->result;
+}
+
+int stage_move_at(struct stage *s, double target_m, double speed_m_s)
+{
+    s->speed_m_s = speed_m_s;
+    return stage_move(s, target_m);
 }
 
 int stage_home(struct stage *s)
@@ -118,6 +125,31 @@ static void a_command_seen_before_is_ignored(void **state)
     assert_int_equal(stage.moves, 2);
     command(&m, 2, 0.6); /* of a scan that counts anew */
     assert_int_equal(stage.moves, 3);
+}
+
+static void a_move_goes_at_the_speed_that_it_is_told(void **state)
+{
+    struct stage stage = {.status = {.position_m = 0.1, .at_ns = 77}};
+    struct mover m;
+    Anlos__StageState s;
+    Anlos__StageCommand c = ANLOS__STAGE_COMMAND__INIT;
+
+    (void)state;
+    mover_init(&m, NULL, &stage);
+    c.id = 1;
+    c.target_m = 1.1;
+    c.speed_m_s = 0.0593;
+    mover_command(&m, &c);
+    assert_true(stage.moves == 1 && stage.speed_m_s == 0.0593);
+    assert_true(mover_state(&m, 100, &s));
+    assert_true(m.at_ns == 77);
+    stage.result = -EDOM;
+    c.id = 2;
+    mover_command(&m, &c);
+    assert_true(mover_state(&m, 200, &s));
+    assert_int_equal(s.state, ANLOS__STAGE_STATE__STATE__REFUSED);
+    assert_string_equal(s.text, "cannot move at 0.0593 m/s to 1.1000 m: it does not go "
+                                "at that speed");
 }
 
 static void states_repeat_faster_in_motion_than_at_rest(void **state)
@@ -319,6 +351,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_command_moves_the_stage_and_is_named_in_the_state),
         cmocka_unit_test(a_command_seen_before_is_ignored),
+        cmocka_unit_test(a_move_goes_at_the_speed_that_it_is_told),
         cmocka_unit_test(states_repeat_faster_in_motion_than_at_rest),
         cmocka_unit_test(a_target_out_of_reach_is_refused_until_the_next_command),
         cmocka_unit_test(a_fault_of_the_hardware_is_passed_on_with_its_text),

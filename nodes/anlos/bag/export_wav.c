@@ -24,7 +24,8 @@
  * pings that failed were taken again. */
 
 struct takes {
-    struct survey survey; /* its stage positions are where the stage really stood */
+    struct survey survey; /* its stage positions are where the stage really stood, unless
+                           * it did not stop */
     uint32_t scan;
     uint64_t n_retaken;  /* pings that another one stands for */
     uint64_t n_unplaced; /* of the scan, but not of the survey */
@@ -204,7 +205,7 @@ static void choose(struct takes *t, const struct facts *f, uint64_t survey_id)
         if (!p->valid)
             continue;
         t->chosen[slot] = p->number;
-        if (!t->survey.pings_m && isfinite(p->stage_m))
+        if (!t->survey.pings_m && !t->survey.continuous && isfinite(p->stage_m))
             t->survey.stage_positions_m[p->position] = p->stage_m;
     }
 }
@@ -251,7 +252,7 @@ struct wav_set {
     struct takes takes;
     struct export_stage stage;
     char folders[2][PATH_MAX];         /* scene, background; inside the stage */
-    size_t n_files, n_slots, n_frames; /* files of a pass; of a file */
+    size_t n_files, n_slots, n_frames; /* files of a pass; pings and frames of a file */
     struct wav_file *files;            /* [2][n_files] */
     uint64_t n_clipped;
     uint64_t n_endless, n_egos; /* pings of an array that stands; messages of motion */
@@ -275,11 +276,12 @@ static int check_vacant(const char *out, struct error *why)
 static int plan(struct wav_set *w, struct error *why)
 {
     const struct survey *s = &w->takes.survey;
-    bool own_places = s->pings_m != NULL;
+    size_t in_file = s->pings_m || s->continuous ? s->n_positions : 1;
 
-    w->n_files = own_places ? 1 : s->n_positions;
-    w->n_slots = own_places ? s->n_positions : s->n_speakers;
-    w->n_frames = survey_slots(s, w->n_slots) * s->slot_samples + tail_samples(s);
+    w->n_files = s->n_positions / in_file;
+    w->n_slots = in_file * s->n_speakers;
+    w->n_frames = in_file * survey_slots(s, s->n_speakers) * s->slot_samples +
+                  tail_samples(s);
     w->files = calloc(2 * w->n_files, sizeof *w->files);
     if (!w->files)
         return error_say(why, -ENOMEM, "out of memory");
@@ -332,7 +334,10 @@ static void place(struct wav_set *w, size_t slot, const float *x, size_t n_sampl
 {
     const struct survey *s = &w->takes.survey;
     float *samples = w->files[slot / w->n_slots].samples;
-    size_t in_file = slot % w->n_slots, at = survey_slot_of(s, in_file) * s->slot_samples;
+    size_t in_file = slot % w->n_slots, round = in_file / s->n_speakers;
+    size_t at = (round * survey_slots(s, s->n_speakers) +
+                 survey_slot_of(s, in_file % s->n_speakers)) *
+                s->slot_samples;
     bool followed = in_file + 1 < w->n_slots && w->takes.chosen[slot + 1];
     size_t n = followed ? s->slot_samples : s->slot_samples + tail_samples(s);
 
