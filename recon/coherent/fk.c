@@ -95,23 +95,28 @@ VECTOR_INLINE void sum_block(const float *block, size_t n_lines, const float *co
     split(&c3, &s3, out + 6);
 }
 
-/* rows [n_f / 8][y lines][FK_BLOCK]: the sums over x for +kx and -kx, frequency by
- * frequency. */
+/* rows [n_kx][n_f / 8][y lines][FK_BLOCK]: the sums over x for +kx and -kx, frequency by
+ * frequency, of several kx while a block is in the cache. */
 VECTOR_CLONES
-static void sum_over_x(const struct fk *m, size_t kx, size_t q_low, struct fk_scratch *s)
+static void sum_over_x(const struct fk *m, const struct fk_wave *waves, size_t n_kx,
+                       struct fk_scratch *s)
 {
-    size_t n_blocks = m->n_f / FK_X_BLOCK;
-    for (size_t k = q_low / FK_X_BLOCK; k < n_blocks; k++) {
+    size_t n_blocks = m->n_f / FK_X_BLOCK, one = m->y.lines * FK_BLOCK;
+    for (size_t k = 0; k < n_blocks; k++) {
         for (size_t iy = 0; iy < m->y.lines; iy++) {
-            lanes waves[2 * FK_BLOCK / LANES];
-            size_t first = m->x_range[iy][0], at = kx * m->x.lines + first;
-            sum_block(m->spectrum +
-                          ((k * m->y.lines + iy) * m->x.lines + first) * FK_BLOCK,
-                      m->x_range[iy][1] - first, m->x.cosine + at, m->x.sine + at, waves);
-            float *row = s->rows + (2 * k * m->y.lines + iy) * FK_BLOCK;
-            memcpy(row, waves, FK_BLOCK * sizeof *row);
-            memcpy(row + m->y.lines * FK_BLOCK, waves + FK_BLOCK / LANES,
-                   FK_BLOCK * sizeof *row);
+            size_t first = m->x_range[iy][0], n = m->x_range[iy][1] - first;
+            const float *block = m->spectrum +
+                                 ((k * m->y.lines + iy) * m->x.lines + first) * FK_BLOCK;
+            for (size_t w = 0; w < n_kx; w++) {
+                lanes sums[2 * FK_BLOCK / LANES];
+                size_t at = waves[w].kx * m->x.lines + first;
+                if (k < waves[w].first_bin / FK_X_BLOCK)
+                    continue;
+                sum_block(block, n, m->x.cosine + at, m->x.sine + at, sums);
+                float *row = s->rows + 2 * (w * n_blocks + k) * one + iy * FK_BLOCK;
+                memcpy(row, sums, FK_BLOCK * sizeof *row);
+                memcpy(row + one, sums + FK_BLOCK / LANES, FK_BLOCK * sizeof *row);
+            }
         }
     }
 }
@@ -119,12 +124,12 @@ static void sum_over_x(const struct fk *m, size_t kx, size_t q_low, struct fk_sc
 /* quads [FK_GROUP][n_f][8]: the plane waves (+kx +ky) (+kx -ky) (-kx +ky) (-kx -ky) of
  * n_ky wavenumbers from ky on. */
 VECTOR_CLONES
-static void sum_over_y(const struct fk *m, size_t ky, size_t n_ky, size_t q_low,
-                       struct fk_scratch *s)
+static void sum_over_y(const struct fk *m, const float *rows, size_t ky, size_t n_ky,
+                       size_t q_low, struct fk_scratch *s)
 {
     for (size_t k = q_low / FK_Y_BLOCK; k < m->n_f / FK_Y_BLOCK; k++)
         for (size_t g = 0; g < n_ky; g++)
-            sum_block(s->rows + k * m->y.lines * FK_BLOCK, m->y.lines,
+            sum_block(rows + k * m->y.lines * FK_BLOCK, m->y.lines,
                       m->y.cosine + (ky + g) * m->y.lines,
                       m->y.sine + (ky + g) * m->y.lines,
                       (lanes *)(s->quads + (g * m->n_f + k * FK_Y_BLOCK) * 8));
@@ -252,21 +257,21 @@ static struct column find_rows(const struct fk *m, size_t kx, size_t ky, size_t 
     return to;
 }
 
-/* All plane waves of +-kx into the planes. */
-static void map_row(struct fk *m, size_t kx, size_t fold, struct fk_scratch *s)
+/* All plane waves of +-kx into the planes, from rows [n_f / 8][y lines][FK_BLOCK]. */
+static void map_row(struct fk *m, struct fk_wave wave, const float *rows,
+                    struct fk_scratch *s)
 {
     double limit = 4.0 * M_PI * (m->f0_hz + (double)m->n_f * m->df_hz) / m->c *
                    m->sine_max;
-    double x2 = (double)kx * m->x.dk * (double)kx * m->x.dk;
+    double x2 = (double)wave.kx * m->x.dk * (double)wave.kx * m->x.dk;
     double y_limit = sqrt(fmax(limit * limit - x2, 0.0)) / m->y.dk;
     size_t n_ky = (size_t)fmin(floor(y_limit), (double)m->y.k_max) + 1;
-    sum_over_x(m, kx, lowest_bin(m, sqrt(x2)), s);
     for (size_t ky = 0; ky < n_ky; ky += FK_GROUP) {
         size_t n = n_ky - ky < FK_GROUP ? n_ky - ky : FK_GROUP;
         double y = (double)ky * m->y.dk;
-        sum_over_y(m, ky, n, lowest_bin(m, sqrt(x2 + y * y)), s);
+        sum_over_y(m, rows, ky, n, lowest_bin(m, sqrt(x2 + y * y)), s);
         for (size_t g = 0; g < n; g++) {
-            struct column to = find_rows(m, kx, ky + g, fold, s);
+            struct column to = find_rows(m, wave.kx, ky + g, wave.fold, s);
             y = (double)(ky + g) * m->y.dk;
             migrate_quad(m, x2 + y * y, s->quads + g * m->n_f * 8, s, &to);
         }
@@ -303,20 +308,48 @@ static void plane_to_space(struct fk *m, fftwf_complex *plane, size_t kx,
     }
 }
 
-/* All wavenumbers that fold onto +-fold, and their transform over y and z. */
-static void image_fold(void *ctx, size_t fold, size_t thread)
+/* The wavenumbers that fold onto +-first, then those of the next fold; returns how many.
+ */
+static size_t list_waves(const struct fk *m, size_t first, size_t end,
+                         struct fk_wave *out)
+{
+    size_t n = 0;
+    for (size_t fold = first; fold < end; fold++)
+        for (size_t kx = 0; kx <= m->x.k_max; kx++)
+            if (kx % m->x.n == fold || kx % m->x.n == (m->x.n - fold) % m->x.n)
+                out[n++] =
+                    (struct fk_wave){kx, fold, lowest_bin(m, (double)kx * m->x.dk)};
+    return n;
+}
+
+/* The planes of +-fold over y and z. */
+static void fold_to_space(struct fk *m, size_t fold, struct fk_scratch *s)
+{
+    size_t mirrored = (m->x.n - fold) % m->x.n;
+    plane_to_space(m, s->plane, fold, s);
+    if (mirrored != fold)
+        plane_to_space(m, s->plane + m->y.n * m->n_kz, mirrored, s);
+}
+
+/* All wavenumbers of a group of folds, and their transform over y and z. */
+static void image_folds(void *ctx, size_t group, size_t thread)
 {
     struct migration *g = ctx;
     struct fk *m = g->fk;
     struct fk_scratch *s = &m->scratch[thread];
-    size_t mirrored = (m->x.n - fold) % m->x.n;
-    memset(s->plane, 0, 2 * m->y.n * m->n_kz * sizeof *s->plane);
-    for (size_t kx = 0; kx <= m->x.k_max; kx++)
-        if (kx % m->x.n == fold || kx % m->x.n == mirrored)
-            map_row(m, kx, fold, s);
-    plane_to_space(m, s->plane, fold, s);
-    if (mirrored != fold)
-        plane_to_space(m, s->plane + m->y.n * m->n_kz, mirrored, s);
+    size_t first = group * m->folds, last = m->x.kept / 2 + 1;
+    const struct fk_wave *w = s->waves;
+    size_t n =
+        list_waves(m, first, last - first < m->folds ? last : first + m->folds, s->waves);
+    for (size_t i = 0; i < n; i++) {
+        if (i % FK_GROUP == 0)
+            sum_over_x(m, w + i, n - i < FK_GROUP ? n - i : FK_GROUP, s);
+        if (i == 0 || w[i].fold != w[i - 1].fold)
+            memset(s->plane, 0, 2 * m->y.n * m->n_kz * sizeof *s->plane);
+        map_row(m, w[i], s->rows + i % FK_GROUP * m->n_f * m->y.lines * 4, s);
+        if (i + 1 == n || w[i].fold != w[i + 1].fold)
+            fold_to_space(m, w[i].fold, s);
+    }
 }
 
 /* line [grid nz][x.n] from rows first..end-1 of half: whole cache lines are written, and
@@ -359,6 +392,6 @@ void fk_migrate(struct fk *m, const float complex *gather, const float *weight,
 {
     struct migration g = {m, gather, weight, intensity};
     pool_run(m->pool, m->x.lines, transform_line, &g);
-    pool_run(m->pool, m->x.kept / 2 + 1, image_fold, &g);
+    pool_run(m->pool, (m->x.kept / 2 + m->folds) / m->folds, image_folds, &g);
     pool_run(m->pool, m->grid.n[1], image_row, &g);
 }

@@ -172,8 +172,17 @@ static int plan_tables(struct fk *m, const struct fk_config *cfg)
     return 0;
 }
 
+/* Of folds: as many as share the reading of the spectrum, but enough groups that no
+ * thread waits long for the last one. */
+static size_t group_size(const struct fk *m)
+{
+    size_t each = (m->x.kept / 2 + 1) / (4 * pool_threads(m->pool));
+    return each < 1 ? 1 : each < FK_GROUP ? each : FK_GROUP;
+}
+
 static int allocate(struct fk *m, const size_t (*x_range)[2])
 {
+    m->folds = group_size(m);
     const size_t *n = m->grid.n;
     m->spectrum =
         fftwf_malloc(m->x.lines * m->y.lines * m->n_f * 2 * sizeof *m->spectrum);
@@ -188,7 +197,8 @@ static int allocate(struct fk *m, const size_t (*x_range)[2])
     }
     for (size_t t = 0; t < pool_threads(m->pool); t++) {
         struct fk_scratch *s = &m->scratch[t];
-        s->rows = fftwf_malloc(m->y.lines * m->n_f * 4 * sizeof *s->rows);
+        s->waves = malloc((m->x.k_max + 1) * sizeof *s->waves);
+        s->rows = fftwf_malloc(FK_GROUP * m->y.lines * m->n_f * 4 * sizeof *s->rows);
         s->quads = fftwf_malloc(FK_GROUP * m->n_f * 8 * sizeof *s->quads);
         s->bin = malloc(m->n_kz * sizeof *s->bin);
         s->fraction = malloc(m->n_kz * sizeof *s->fraction);
@@ -202,9 +212,10 @@ static int allocate(struct fk *m, const size_t (*x_range)[2])
         s->column = fftwf_malloc(m->nz_fft * sizeof *s->column);
         s->line = fftwf_malloc(n[2] * m->x.n * sizeof *s->line);
         s->trace = fftwf_malloc(m->nt_fft * sizeof *s->trace);
-        if (!s->rows || !s->quads || !s->bin || !s->fraction || !s->phase_re ||
-            !s->phase_im || !s->plane || !s->plane_image || !s->column_image ||
-            !s->trace_spectrum || !s->column || !s->line || !s->line_image || !s->trace)
+        if (!s->waves || !s->rows || !s->quads || !s->bin || !s->fraction ||
+            !s->phase_re || !s->phase_im || !s->plane || !s->plane_image ||
+            !s->column_image || !s->trace_spectrum || !s->column || !s->line ||
+            !s->line_image || !s->trace)
             return -ENOMEM;
         memset(s->line, 0, n[2] * m->x.n * sizeof *s->line);
     }
@@ -301,6 +312,7 @@ int fk_create(struct fk **out, const struct fk_config *cfg)
 
 static void free_scratch(struct fk_scratch *s)
 {
+    free(s->waves);
     fftwf_free(s->rows);
     fftwf_free(s->quads);
     free(s->bin);

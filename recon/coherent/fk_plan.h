@@ -15,7 +15,7 @@
 #define FK_BLOCK   32 /* floats that are summed over all lines before the next */
 #define FK_X_BLOCK (FK_BLOCK / 2) /* frequencies of a block: re im */
 #define FK_Y_BLOCK (FK_BLOCK / 4) /* +kx re im, -kx re im */
-#define FK_GROUP   4              /* ky that are summed while a block is in the cache */
+#define FK_GROUP   4 /* wavenumbers that are summed while a block is in the cache */
 
 struct fk_axis {  /* one lateral axis */
     size_t n;     /* length of the transform: period / step */
@@ -26,8 +26,14 @@ struct fk_axis {  /* one lateral axis */
     float *cosine, *sine; /* [k_max + 1][lines], of k (line - origin) */
 };
 
+struct fk_wave {      /* +-kx */
+    size_t kx, fold;  /* fold: |kx| of the image's transform */
+    size_t first_bin; /* of the spectrum that it needs */
+};
+
 struct fk_scratch {                /* one a thread */
-    float *rows;                   /* [n_f / FK_Y_BLOCK][y lines][FK_BLOCK] */
+    struct fk_wave *waves;         /* [x.k_max + 1] */
+    float *rows;                   /* [FK_GROUP][n_f / FK_Y_BLOCK][y lines][FK_BLOCK] */
     float *quads;                  /* [FK_GROUP][n_f][8]: re im of ++ +- -+ -- */
     int *bin, *fraction;           /* [n_kz] of Stolt's map */
     float *phase_re, *phase_im;    /* [n_kz] */
@@ -57,6 +63,7 @@ struct fk {
     double depth_m;      /* of the grid's first plane below the midpoints */
 
     struct fk_axis x, y;
+    size_t folds;         /* that a thread takes at a time */
     size_t (*x_range)[2]; /* [y lines]: of each the lines of x that have traces */
     size_t nz_fft;
     double dkz;
