@@ -164,3 +164,36 @@ int room_stream_ping(struct room_stream *s, uint64_t n, const float **samples)
     *samples = s->ping;
     return 0;
 }
+
+int room_stream_round(struct room *r, enum pass pass, size_t round, float *samples)
+{
+    const struct survey *s = &r->survey;
+    if (!s->continuous || round >= s->n_positions)
+        return -EINVAL;
+    uint32_t *speakers = malloc(s->n_speakers * sizeof *speakers);
+    if (!speakers)
+        return -ENOMEM;
+    for (size_t j = 0; j < s->n_speakers; j++)
+        speakers[j] = (uint32_t)j;
+    const struct room_stream_config cfg = {.pass = pass,
+                                           .speakers = speakers,
+                                           .n_speakers = s->n_speakers,
+                                           .stage_m = s->stage_positions_m[0],
+                                           .stage_m_s = survey_speed_m_s(s),
+                                           .n_emissions = s->n_positions * s->n_speakers};
+    struct room_stream *stream = NULL;
+    size_t n_ping = room_frames(r, 1), n = room_frames(r, s->n_speakers);
+    uint64_t first = round * s->n_speakers;
+    int err = room_stream_create(&stream, r, &cfg);
+    for (uint64_t k = first; !err && k < first + s->n_speakers; k++) {
+        const float *ping;
+        err = room_stream_ping(stream, k, &ping);
+        size_t at =
+            (size_t)(room_stream_start(stream, k) - room_stream_start(stream, first));
+        for (size_t m = 0; !err && m < s->n_microphones; m++)
+            memcpy(samples + m * n + at, ping + m * n_ping, n_ping * sizeof *ping);
+    }
+    room_stream_destroy(stream);
+    free(speakers);
+    return err;
+}

@@ -41,4 +41,10 @@ uint64_t room_stream_start(const struct room_stream *s, uint64_t n);
 int room_stream_ping(struct room_stream *s, uint64_t n, const float **samples);
 void room_stream_destroy(struct room_stream *s);
 
+/* Of a continuous scan that goes as its survey says a round of all speakers, with what
+ * rings on of the one before: samples [n_microphones][room_frames(n_speakers)], in which
+ * behind its slots those of the next begin.  0, -EINVAL (there is no such round, or the
+ * stage stops), -ENOMEM. */
+int room_stream_round(struct room *r, enum pass pass, size_t round, float *samples);
+
 #endif

@@ -158,26 +158,13 @@ static int record_round(const struct sim_job *job, struct sim_worker *w, int pas
                         size_t round)
 {
     const struct survey *s = job->survey;
-    const struct room_stream_config cfg = {.pass = pass ? PASS_BACKGROUND : PASS_SCENE,
-                                           .speakers = job->speakers,
-                                           .n_speakers = s->n_speakers,
-                                           .stage_m = s->stage_positions_m[0],
-                                           .stage_m_s = survey_speed_m_s(s),
-                                           .n_emissions = s->n_positions * s->n_speakers};
-    struct room_stream *stream;
-    size_t n_ping = room_frames(w->room, 1);
-    int err = room_stream_create(&stream, w->room, &cfg);
-    for (size_t j = 0; !err && j < s->n_speakers; j++) {
-        uint64_t k = round * s->n_speakers + j, at;
-        const float *ping;
-        err = room_stream_ping(stream, k, &ping);
-        at = room_stream_start(stream, k);
-        size_t n = k + 1 < cfg.n_emissions ? s->slot_samples : n_ping;
-        for (size_t m = 0; !err && m < s->n_microphones; m++)
-            memcpy(job->whole[pass] + m * job->n_whole + at, ping + m * n_ping,
-                   n * sizeof *ping);
-    }
-    room_stream_destroy(stream);
+    size_t slots = survey_slots(s, s->n_speakers) * s->slot_samples;
+    size_t n = round + 1 < s->n_positions ? slots : job->frames;
+    int err = room_stream_round(w->room, pass ? PASS_BACKGROUND : PASS_SCENE, round,
+                                w->samples);
+    for (size_t m = 0; !err && m < s->n_microphones; m++)
+        memcpy(job->whole[pass] + m * job->n_whole + round * slots,
+               w->samples + m * job->frames, n * sizeof(float));
     return err;
 }
 

@@ -27,7 +27,7 @@
 #define DEPTH_M 0.25
 
 static const double steps_m[3] = {0.02, 0.02, 0.005};
-static const double levels_db[] = {-40, -45, -50, -55};
+static const double levels_db[] = {-40, -42, -45, -48, -50, -55};
 
 enum { LEVELS = sizeof levels_db / sizeof *levels_db };
 
@@ -39,6 +39,7 @@ static const enum window windows[] = {WINDOW_HANN, WINDOW_RECTANGULAR};
 struct detection_options {
     const char *methods; /* names with commas; NULL: fast */
     const char *out;
+    struct firing firing;
     size_t threads;
     size_t seeds; /* 0: the usual number */
     bool quick;
@@ -158,7 +159,7 @@ static int simulate(struct bench_scene *point, const struct detection_options *o
     int err = export_folder(folder, why);
     if (!err)
         err = bench_scene_write_builtin("point", folder, why);
-    return err ? err : bench_scene_simulate(point, path, o->threads, why);
+    return err ? err : bench_scene_simulate(point, path, &o->firing, o->threads, why);
 }
 
 static int run_windows(const struct bench_scene *point, const char *methods,
@@ -210,11 +211,13 @@ static const char help[] =
     "anlos bench detection -- how often one point is found in how much noise\n"
     "\n"
     "usage: anlos bench detection [--methods NAME,...] [--seeds N] [--threads N]\n"
-    "                             [--out DIR] [--quick]\n"
+    "                             [--firing OPTIONS] [--out DIR] [--quick]\n"
     "\n"
     "  --methods NAME,...   as of `anlos recon`; default: fast\n"
     "  --seeds N            of noise; default 400\n"
     "  --threads N          at most; default: one for each processor\n"
+    "  --firing OPTIONS     as an array's URI has them behind its ?, with & between:\n"
+    "                       continuous=yes&slot_samples=1632\n"
     "  --out DIR            default: out/bench\n"
     "  --quick              20 seeds\n"
     "  --help               this text\n"
@@ -226,14 +229,28 @@ static const char help[] =
     "was done until then is written\n";
 
 static const struct option options[] = {
-    {"methods", required_argument, NULL, 'm'},
-    {"seeds", required_argument, NULL, 'n'},
-    {"threads", required_argument, NULL, 't'},
-    {"out", required_argument, NULL, 'o'},
-    {"quick", no_argument, NULL, 'q'},
-    {"help", no_argument, NULL, 'h'},
-    {NULL, 0, NULL, 0},
+    {"methods", required_argument, NULL, 'm'}, {"seeds", required_argument, NULL, 'n'},
+    {"threads", required_argument, NULL, 't'}, {"firing", required_argument, NULL, 'f'},
+    {"out", required_argument, NULL, 'o'},     {"quick", no_argument, NULL, 'q'},
+    {"help", no_argument, NULL, 'h'},          {NULL, 0, NULL, 0},
 };
+
+/* 0, or an exit code. */
+static int take_firing(struct detection_options *o, const char *text)
+{
+    static const char *const known[] = {FIRING_KEYS, NULL};
+    struct error why = {""};
+    struct device d;
+    char uri[1024];
+    if (snprintf(uri, sizeof uri, "point?%s", text) >= (int)sizeof uri)
+        return usage_error("bench detection", "--firing: too long");
+    int err = device_parse(&d, uri, known, &why);
+    if (!err) {
+        err = firing_from_device(&o->firing, &d, &why);
+        device_clear(&d);
+    }
+    return err ? usage_error("bench detection", "--firing: %s", why.text) : 0;
+}
 
 /* 0, or an exit code. */
 static int take_option(struct detection_options *o, int code)
@@ -248,6 +265,8 @@ static int take_option(struct detection_options *o, int code)
     case 't':
         return usage_take_count("bench detection", "threads", optarg, 1, MAX_THREADS,
                                 &o->threads);
+    case 'f':
+        return take_firing(o, optarg);
     case 'o':
         o->out = optarg;
         return *optarg ? 0 : usage_error("bench detection", "--out: expected a folder");

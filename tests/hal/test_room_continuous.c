@@ -233,6 +233,34 @@ static void a_continuous_shot_is_of_all_speakers_and_within_the_scan(void **stat
     array_close(a);
 }
 
+/* Of all eight emissions what falls into the last but one's two slots and their tail. */
+static void a_round_is_heard_with_what_rings_on_and_what_begins(void **state)
+{
+    struct room *r = drive_load(state, ARRAY POINT);
+    size_t one = room_frames(r, 1), n = room_frames(r, 2), slots = 2 * 1632;
+    float *alone = malloc(2 * one * sizeof *alone), *x = malloc(2 * n * sizeof *x);
+    double *sum = calloc(2 * n, sizeof *sum);
+    assert_true(alone && x && sum);
+    for (size_t q = 0; q < 8; q++) {
+        struct room_emission e = emission(q % 2, SPEED_M_S * SLOT_S * (double)q);
+        assert_int_equal(room_emit(r, &e, alone), 0);
+        for (size_t i = 0; i < 2 * one; i++) {
+            int64_t at = (int64_t)(i % one) + 1632 * (int64_t)q - 2 * (int64_t)slots;
+            if (at >= 0 && at < (int64_t)n)
+                sum[i / one * n + (size_t)at] += alone[i];
+        }
+    }
+    assert_int_equal(room_stream_round(r, PASS_SCENE, 2, x), 0);
+    for (size_t i = 0; i < 2 * n; i++)
+        if (i % n < slots)
+            assert_true(fabs(x[i] - sum[i]) < 1e-6);
+    assert_int_equal(room_stream_round(r, PASS_SCENE, 4, x), -EINVAL);
+    free(alone);
+    free(x);
+    free(sum);
+    room_destroy(r);
+}
+
 static void a_room_records_no_position_of_a_stage_that_goes_on(void **state)
 {
     struct room *r = drive_load(state, ARRAY POINT);
@@ -249,6 +277,7 @@ int main(void)
         cmocka_unit_test(an_array_fires_round_after_round_from_the_stated_time_on),
         cmocka_unit_test(what_begins_late_is_heard_from_further_on),
         cmocka_unit_test(a_continuous_shot_is_of_all_speakers_and_within_the_scan),
+        cmocka_unit_test(a_round_is_heard_with_what_rings_on_and_what_begins),
         cmocka_unit_test(a_room_records_no_position_of_a_stage_that_goes_on),
     };
     return cmocka_run_group_tests(tests, scratch_open, scratch_close);

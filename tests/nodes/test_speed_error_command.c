@@ -258,7 +258,8 @@ static void noise_moves_a_point_by_little_more_than_the_bound(void **state)
     FILE *f = fopen(path_of("silent.yaml"), "w");
     fputs(silent_point, f);
     fclose(f);
-    assert_int_equal(bench_scene_simulate(&point, path_of("silent.yaml"), 1, &why), 0);
+    assert_int_equal(bench_scene_simulate(&point, path_of("silent.yaml"), NULL, 1, &why),
+                     0);
     assert_null(point.background);
     int err = bench_noise_run(&b, &point, "fast\0sparse\0", 24, 1, &why);
     if (err)

@@ -200,7 +200,7 @@ int bench_trials_create(struct bench_trials **out, const struct bench_scene *sce
     if (!err)
         err = pool_create(&t->pool, threads);
     if (!err) {
-        t->survey.has_gate = false;
+        t->survey.has_gate = survey_overlaps(&t->survey); /* without one there are none */
         t->survey.has_volume = true;
         memcpy(t->survey.volume_m, limits, sizeof t->survey.volume_m);
         err = plan(t, methods, why);

@@ -16,6 +16,7 @@
 #include "hal/recording/recording.h"
 #include "hal/room/room.h"
 #include "hal/room/scene.h"
+#include "hal/room/stream.h"
 #include "hal/survey/file.h"
 #include "nodes/anlos/interrupt.h"
 #include "nodes/rt/export_file.h"
@@ -115,7 +116,7 @@ static const char reference_room[] =
     "microphones: {ripple_db: 1.5}\n"
     "errors: {gain_db: 0.5}\n"
     "noise: {snr_db: 30}\n";
-static const char silence[] = "direct_level: 0\n";
+static const char silence[] = "direct_level: 0\ngate_m: [1.5, 4.5]\n";
 
 static const struct {
     const char *name, *around, *objects;
@@ -483,22 +484,25 @@ static void record_item(void *ctx, size_t item, size_t thread)
     int none = 0;
     if (interrupt_requested() || atomic_load(&r->err))
         return;
-    int err = room_record(r->rooms[thread], background ? PASS_BACKGROUND : PASS_SCENE,
-                          position, r->speakers, s->survey.n_speakers, 0, to);
+    enum pass pass = background ? PASS_BACKGROUND : PASS_SCENE;
+    int err = s->survey.continuous
+                  ? room_stream_round(r->rooms[thread], pass, position, to)
+                  : room_record(r->rooms[thread], pass, position, r->speakers,
+                                s->survey.n_speakers, 0, to);
     if (err)
         atomic_compare_exchange_strong(&r->err, &none, err);
 }
 
 /* Only one thread makes plans of transforms, so rooms are loaded one by one. */
-static int load_rooms(struct recorder *r, const char *path, size_t threads,
-                      struct error *why)
+static int load_rooms(struct recorder *r, const char *path, const struct firing *firing,
+                      size_t threads, struct error *why)
 {
     int err = 0;
     r->rooms = calloc(threads, sizeof *r->rooms);
     if (!r->rooms)
         return error_say(why, -ENOMEM, "out of memory");
     for (size_t t = 0; !err && t < threads; t++)
-        err = room_load(&r->rooms[t], path, why);
+        err = room_load_drawn(&r->rooms[t], path, firing, 0, why);
     if (err)
         return err;
     struct bench_scene *s = r->to;
@@ -551,14 +555,14 @@ static void name_after(struct bench_scene *s, const char *path)
     s->name[n] = 0;
 }
 
-int bench_scene_simulate(struct bench_scene *out, const char *path, size_t threads,
-                         struct error *why)
+int bench_scene_simulate(struct bench_scene *out, const char *path,
+                         const struct firing *firing, size_t threads, struct error *why)
 {
     struct recorder r = {.to = out};
     memset(out, 0, sizeof *out);
     atomic_init(&r.err, 0);
     name_after(out, path);
-    int err = load_rooms(&r, path, threads, why);
+    int err = load_rooms(&r, path, firing, threads, why);
     if (!err)
         err = find_truth(&out->truth, r.rooms[0], path, why);
     if (!err)

@@ -7,6 +7,7 @@
 #define ANLOS_NODES_ANLOS_SPEED_ERROR_SCENE_H
 
 #include "dsp/error.h"
+#include "hal/survey/firing.h"
 #include "nodes/anlos/speed_error/score.h"
 #include "recon/survey.h"
 
@@ -20,10 +21,11 @@ struct bench_scene {
 };
 
 /* Of the file of a scene (hal/room/scene.h): points, corners and letters before a wall
- * that stands across z.  What is silent but for the objects needs no background.
- * 0, -EINTR, -EINVAL (also what has no truth), other negative errno. */
-int bench_scene_simulate(struct bench_scene *out, const char *path, size_t threads,
-                         struct error *why);
+ * that stands across z.  firing: hal/survey/firing.h, or NULL.  What is silent but for
+ * the objects needs no background. 0, -EINTR, -EINVAL (also what has no truth), other
+ * negative errno. */
+int bench_scene_simulate(struct bench_scene *out, const char *path,
+                         const struct firing *firing, size_t threads, struct error *why);
 
 /* Scenes that are part of the program: "points\0...", as imager_methods(). */
 const char *bench_scene_builtin_names(void);

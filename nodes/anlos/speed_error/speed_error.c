@@ -87,7 +87,7 @@ static int load_scene(struct bench_scene *out, const struct speed *s, const char
            o->recordings && !bench_names_file(name) ? "reading" : "simulating");
     fflush(stdout);
     if (bench_names_file(name))
-        return bench_scene_simulate(out, name, o->threads, why);
+        return bench_scene_simulate(out, name, NULL, o->threads, why);
     if (o->recordings)
         return bench_scene_read(out, o->recordings, name, o->calibration,
                                 s->scenes_folder, why);
@@ -95,7 +95,7 @@ static int load_scene(struct bench_scene *out, const struct speed *s, const char
     if (!err && snprintf(path, sizeof path, "%s/%s.yaml", s->scenes_folder, name) >=
                     (int)sizeof path)
         err = error_say(why, -ENAMETOOLONG, "%s: path too long", s->scenes_folder);
-    return err ? err : bench_scene_simulate(out, path, o->threads, why);
+    return err ? err : bench_scene_simulate(out, path, NULL, o->threads, why);
 }
 
 /* -- the runs ---------------------------------------------------------------------------
