@@ -340,17 +340,46 @@ static int measure_scattering(const struct probing *p)
     return err;
 }
 
-/* Echoes that moveout leaves out of step look like elements that are out of place: two of
- * them a pair. */
-static void leave_out_moveout(struct probe *out, const struct trace_set *set)
+/* By how much the ways of the pairs of a position to an object and back differ, mean
+ * square, because the stage goes on from one speaker to the next. */
+static double motion_m2(const struct geometry *g, const double at_m[3])
 {
+    double low[3], high[3], mean_m = 0.0, spread_m2 = 0.0, sine2 = 0.0;
+    geometry_aperture(g, low, high);
+    for (size_t j = 0; j < g->n_speakers; j++)
+        mean_m += geometry_gone_on_m(g, j) / (double)g->n_speakers;
+    for (size_t j = 0; j < g->n_speakers; j++)
+        spread_m2 += pow(geometry_gone_on_m(g, j) - mean_m, 2.0) / (double)g->n_speakers;
+    double last_m = g->stage_positions_m[g->n_positions - 1];
+    double middle_m = 0.5 * (g->stage_positions_m[0] + last_m);
+    for (size_t k = 0; k < g->n_positions; k++) {
+        double d[3], along_m = 0.0, range_m = 0.0;
+        for (int a = 0; a < 3; a++) {
+            d[a] = at_m[a] - 0.5 * (low[a] + high[a]) -
+                   (g->stage_positions_m[k] - middle_m) * g->stage_axis[a];
+            along_m += d[a] * g->stage_axis[a];
+            range_m = hypot(range_m, d[a]);
+        }
+        sine2 += pow(along_m / range_m, 2.0) / (double)g->n_positions;
+    }
+    return 4.0 * spread_m2 * sine2;
+}
+
+/* Echoes that moveout leaves out of step, or the motion of the stage, look like elements
+ * that are out of place: two of them a pair. */
+static void leave_out_known(struct probe *out, const struct trace_set *set)
+{
+    const struct geometry *g = set->geometry;
     double centre_hz = 0.5 * (set->band_hz[0] + set->band_hz[1]);
     double sigma_m = out->coherence.element_m;
     if (!out->n_objects || !(sigma_m > 0.0))
         return;
-    double path_m = out->objects[0].moveout_rad * set->geometry->sound_speed_m_s /
+    double path_m = out->objects[0].moveout_rad * g->sound_speed_m_s /
                     (2.0 * M_PI * centre_hz);
-    out->coherence.element_m = sqrt(fmax(sigma_m * sigma_m - 0.5 * path_m * path_m, 0.0));
+    double known_m2 = path_m * path_m;
+    if (!g->pings_m && fabs(g->slot_m) > 0.0)
+        known_m2 += motion_m2(g, out->objects[0].position_m);
+    out->coherence.element_m = sqrt(fmax(sigma_m * sigma_m - 0.5 * known_m2, 0.0));
 }
 
 int probe_scattering(struct probe *out, const struct trace_set *set,
@@ -387,7 +416,7 @@ int probe_run(struct probe *out, const struct trace_set *set, const struct grid 
         err = coherence_measure(&out->coherence, set, pool);
     err = err == -ENOTSUP ? 0 : err;
     if (!err)
-        leave_out_moveout(out, set);
+        leave_out_known(out, set);
     free(p.intensity);
     places_destroy(p.places);
     return err;
