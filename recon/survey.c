@@ -251,6 +251,18 @@ no_memory:
     return -ENOMEM;
 }
 
+void survey_spread_positions(struct survey *s, size_t n)
+{
+    n = n < 2 ? 2 : n;
+    if (n >= s->n_positions)
+        return;
+    double first_m = s->stage_positions_m[0];
+    double way_m = s->stage_positions_m[s->n_positions - 1] - first_m;
+    for (size_t k = 0; k < n; k++)
+        s->stage_positions_m[k] = first_m + way_m * (double)k / (double)(n - 1);
+    s->n_positions = n;
+}
+
 void survey_to_vehicle(const struct survey *s, const double p[3], double out[3])
 {
     const double q[3] = {p[0], p[1], p[2]}; /* out may be p */

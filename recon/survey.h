@@ -136,6 +136,10 @@ uint64_t survey_id(const struct survey *s);
  * there). */
 int survey_make_pings(struct survey *s, size_t n);
 
+/* Keeps n stage positions, evenly from the first to the last; of n_positions or more all
+ * stay as they are, of none or one two are kept if there are two. */
+void survey_spread_positions(struct survey *s, size_t n);
+
 /* A deep copy, unchecked.  0, -ENOMEM. */
 int survey_copy(struct survey *out, const struct survey *s);
 

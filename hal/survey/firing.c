@@ -29,6 +29,8 @@ int firing_from_device(struct firing *out, const struct device *d, struct error 
     if (!err)
         err = whole_number(d, "together", 2, &out->together, why);
     if (!err)
+        err = whole_number(d, "positions", SURVEY_MAX_ELEMENTS, &out->positions, why);
+    if (!err)
         err = device_number(d, "chirp_s", 1e-6, MOST_S, &out->chirp_s, why);
     if (!err)
         err = device_number(d, "far_m", 1e-3, MOST_M, &out->far_m, why);
@@ -60,6 +62,13 @@ int firing_apply(struct survey *s, const struct firing *f, struct error *why)
 
     if (f->far_m > 0.0 && !s->has_gate)
         return error_say(why, -EINVAL, "option far_m: there is no gate_m to end there");
+    if (f->positions > 0.0 &&
+        (f->positions < 2.0 || f->positions > (double)s->n_positions || s->pings_m))
+        return error_say(why, -EINVAL,
+                         "option positions=%.0f: expected 2 to the %zu that there are",
+                         f->positions, s->pings_m ? 0 : s->n_positions);
+    if (f->positions > 0.0)
+        survey_spread_positions(s, (size_t)f->positions);
     if (f->slot_samples > 0.0)
         s->slot_samples = (size_t)f->slot_samples;
     if (f->together > 0.0)

@@ -6,6 +6,7 @@
  *   sim:bumper.yaml?together=2&alternates=yes           two at once, one up, one down
  *   alsa:DEVICE?rig=rig.yaml&chirp_s=0.005
  *   sim:corner.yaml?continuous=yes&slot_samples=1632    while the stage goes on
+ *   sim:corner.yaml?positions=16                        half as many
  */
 #ifndef ANLOS_HAL_SURVEY_FIRING_H
 #define ANLOS_HAL_SURVEY_FIRING_H
@@ -16,15 +17,17 @@
 
 /* Keys for device_parse. */
 #define FIRING_KEYS                                                                      \
-    "slot_samples", "together", "alternates", "chirp_s", "far_m", "continuous"
+    "slot_samples", "together", "alternates", "chirp_s", "far_m", "continuous",          \
+        "positions"
 
 enum firing_chirps { FIRING_AS_THEY_ARE, FIRING_ONE_WAY, FIRING_BOTH_WAYS };
 enum firing_stage { FIRING_STAGE_AS_IT_IS, FIRING_STAGE_STOPS, FIRING_STAGE_GOES_ON };
 
 struct firing { /* 0: as the file says */
     double slot_samples, together;
-    double chirp_s; /* its duration */
-    double far_m;   /* of the gate */
+    double positions; /* of the stage, evenly from the first to the last */
+    double chirp_s;   /* its duration */
+    double far_m;     /* of the gate */
     enum firing_chirps chirps;
     enum firing_stage stage;
 };

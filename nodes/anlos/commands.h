@@ -14,6 +14,7 @@ int command_doctor(int argc, char **argv);
 int command_keys(int argc, char **argv);
 int command_launch(int argc, char **argv);
 int command_node(int argc, char **argv);
+int command_plan(int argc, char **argv);
 int command_psf(int argc, char **argv);
 int command_recon(int argc, char **argv);
 int command_falloff(int argc, char **argv);

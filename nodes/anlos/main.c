@@ -17,6 +17,7 @@ struct command {
 static const struct command commands[] = {
     {"launch", "run a whole system from a launch file", command_launch},
     {"calibrate", "measure an array: timing, channels, gains, air", command_calibrate},
+    {"plan", "tell what a scan of so many seconds will resolve", command_plan},
     {"recon", "image a recording, in one process without the bus", command_recon},
     {"batch", "process many recordings, one result each", command_batch},
     {"psf", "measure or compute the image of a point", command_psf},

@@ -3,6 +3,7 @@
 #include "scratch.h"
 
 #include <errno.h>
+#include <math.h>
 
 #include "hal/array.h"
 #include "hal/survey/firing.h"
@@ -101,6 +102,27 @@ static void a_stage_goes_on_or_stops_as_they_say(void **state)
     assert_non_null(strstr(why.text, "one position"));
 }
 
+static void fewer_positions_go_as_far(void **state)
+{
+    const struct firing three = {.positions = 3}, all = {.positions = 5};
+    const struct firing more = {.positions = 6}, one = {.positions = 1};
+    double places_m[5] = {0.1, 0.12, 0.14, 0.16, 0.18};
+    struct survey s = {.n_positions = 5, .stage_positions_m = places_m};
+    struct error why = {""};
+
+    (void)state;
+    firing_apply(&s, &all, &why); /* nothing else of it is a survey */
+    assert_true(s.n_positions == 5 && places_m[1] == 0.12);
+    assert_int_equal(firing_apply(&s, &more, &why), -EINVAL);
+    assert_non_null(strstr(why.text, "2 to the 5"));
+    assert_int_equal(firing_apply(&s, &one, &why), -EINVAL);
+    assert_int_equal(s.n_positions, 5);
+    firing_apply(&s, &three, &why);
+    assert_int_equal(s.n_positions, 3);
+    for (int k = 0; k < 3; k++)
+        assert_true(fabs(places_m[k] - 0.1 - 0.04 * k) < 1e-12);
+}
+
 /* Slots of 1/60 s at the true pace: two pings begin in each. */
 static void the_array_fires_as_they_say(void **state)
 {
@@ -136,6 +158,7 @@ static void what_does_not_go_together_is_refused(void **state)
         {"?slot_samples=800.5", "option slot_samples=800.5: expected a whole number"},
         {"?alternates=maybe", "option alternates=maybe: expected no or yes"},
         {"?chirp_s=0", "option chirp_s=0"},
+        {"?positions=2", "expected 2 to the 1 that there are"},
         {"?slot=800", "expected pace, calibrated, slot_samples"},
     };
     struct fake_clock clock;
@@ -183,6 +206,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         TEST(without_options_the_file_says_all),
         TEST(options_win_over_the_file),
+        TEST(fewer_positions_go_as_far),
         TEST(a_stage_goes_on_or_stops_as_they_say),
         TEST(the_array_fires_as_they_say),
         TEST(what_does_not_go_together_is_refused),
