@@ -147,6 +147,15 @@ static void place_extended(const struct search *s, const struct region *r,
     }
 }
 
+static void find_middle(const struct search *s, const struct region *r,
+                        struct detection *d)
+{
+    const struct grid *g = s->grid;
+
+    for (int a = 0; a < 3; a++)
+        d->middle_m[a] = g->origin_m[a] + g->step_m[a] * r->moment[a] / r->sum;
+}
+
 /* Somewhere in what is seen, uniformly distributed over its length. */
 static void place_seen(const struct search *s, const struct region *r,
                        struct detection *d)
@@ -255,6 +264,7 @@ static void describe(const struct search *s, const struct region *r, double stro
     d->at_border = fit.at_border;
     if (!point)
         place_extended(s, r, d);
+    find_middle(s, r, d);
     if (s->cfg->followed)
         place_seen(s, r, d);
     else

@@ -47,6 +47,8 @@ enum multipath { /* how an echo came (recon/detection/multipath.h) */
 
 struct detection {
     double position_m[3]; /* array frame, as imaged (virtual) */
+    double middle_m[3];   /* likewise, of all that is bright there: of what moves the
+                           * brightest spot wanders from limb to limb */
     /* xx xy xz yy yz zz; PEAK_UNKNOWN_M along what the image does not tell; beside a
      * border at least what is seen of it, beside an end in depth the front of an echo
      * (sideways)

@@ -39,6 +39,7 @@ struct object {
     struct placement place;
     double virtual_m[3]; /* as imaged, in the array frame; of a track: where its echo is,
                             the middle of what is heard of it */
+    double middle_m[3];  /* likewise, of all that is bright there */
     double existence;    /* 0..1; of a track: of it and its wall */
     double lately;       /* as struct detection has it; of no track */
     double proven;       /* 0..1, as single pings tell (struct detection); of no track */

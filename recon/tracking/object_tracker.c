@@ -325,6 +325,9 @@ static void take_detection(const struct object_tracker *t, const struct sight *s
     out->lag_s = timing_lag_s(&t->detector.survey, volume->pings_used,
                               hypot(hypot(v[0], v[1]), v[2]));
     hear(sight, array, v, out);
+    const double way_m[3] = {o->middle_m[0] - v[0], o->middle_m[1] - v[1],
+                             o->middle_m[2] - v[2]};
+    sight_way(sight, o->place.wall, way_m, out->middle_m);
     sight_direction(sight, o->place.wall, out->position_m, out->sight);
 }
 

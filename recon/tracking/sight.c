@@ -132,6 +132,21 @@ void sight_direction(const struct sight *s, uint32_t wall, const double p_m[3],
         out[a] /= length;
 }
 
+void sight_way(const struct sight *s, uint32_t wall, const double way_m[3], double out[2])
+{
+    const struct wall *w = find(s, wall);
+    double along_m = 0.0;
+
+    for (int a = 0; w && a < 3; a++)
+        along_m += w->normal[a] * way_m[a];
+    for (int a = 0; a < 2; a++) {
+        out[a] = 0.0;
+        for (int b = 0; b < 3; b++)
+            out[a] += s->axes[a][b] *
+                      (way_m[b] - (w ? 2.0 * along_m * w->normal[b] : 0.0));
+    }
+}
+
 static bool is_in_image(const struct grid *g, const double p[3])
 {
     for (int a = 0; a < 3; a += 2)

@@ -51,6 +51,11 @@ double sight_existence(const struct sight *s, uint32_t wall);
 void sight_direction(const struct sight *s, uint32_t wall, const double p_m[3],
                      double out[2]);
 
+/* A small way in the image, array frame, as it is by way of a wall in the plane of the
+ * vehicle frame. */
+void sight_way(const struct sight *s, uint32_t wall, const double way_m[3],
+               double out[2]);
+
 /* How far behind a wall something is imaged; INFINITY of no wall. */
 double sight_behind_m(const struct sight *s, uint32_t wall, const double virtual_m[3]);
 

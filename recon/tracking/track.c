@@ -9,7 +9,6 @@
 #include "recon/tracking/track_state.h"
 
 #define STEADY_PSD_M2_S3 0.02       /* hardly accelerates at all */
-#define WALK_SHARE       0.3        /* of the power density of acceleration */
 #define EXTENT_SHARE     0.3        /* of the newest look at it */
 #define STARTED          TRACKS_MAX /* owner of what a track begins with */
 #define NEWCOMER_M       1.5        /* from anybody who is known */
@@ -82,13 +81,39 @@ struct track_counts tracker_counts(const struct tracker *t)
 /* -- one track --------------------------------------------------------------------------
  */
 
-/* Who walks and is seen to keeps his pace, mostly. */
-static double acceleration_psd(const struct tracker *t, const struct track *k)
-{
-    double psd = t->cfg.acceleration_psd_m2_s3;
+/* Of the power density of acceleration: who keeps his pace, who changes it. */
+static const double model_share[TRACK_MODELS] = {0.004, 2.0};
 
-    return k->state != TRACK_PREDICTED && track_outline_may_walk(k) ? WALK_SHARE * psd
-                                                                    : psd;
+size_t track_filters(struct track *k, struct track_filter *out[TRACK_FILTERS])
+{
+    size_t n = 0;
+
+    out[n++] = &k->filter;
+    out[n++] = &k->steady;
+    for (size_t i = 0; k->models.begun && i < TRACK_MODELS; i++)
+        out[n++] = &k->models.of[i];
+    for (size_t j = 0; j < k->past.n; j++)
+        for (size_t i = 0; i < TRACK_MODELS; i++)
+            out[n++] = &k->past.list[j].models.of[i];
+    return n;
+}
+
+static void model_psd(const struct tracker *t, double lost_psd, double out[TRACK_MODELS])
+{
+    for (int i = 0; i < TRACK_MODELS; i++)
+        out[i] = model_share[i] * t->cfg.acceleration_psd_m2_s3 + lost_psd;
+}
+
+static void predict_filter(const struct tracker *t, struct track *k, double dt_s,
+                           double lost_psd)
+{
+    double psd[TRACK_MODELS];
+
+    model_psd(t, lost_psd, psd);
+    if (k->models.begun)
+        track_models_predict(&k->models, dt_s, psd, &k->filter);
+    else
+        track_filter_predict(&k->filter, dt_s, t->cfg.acceleration_psd_m2_s3 + lost_psd);
 }
 
 static void predict(struct tracker *t, double dt_s, bool ego_known)
@@ -97,7 +122,7 @@ static void predict(struct tracker *t, double dt_s, bool ego_known)
 
     for (size_t i = 0; i < t->n; i++) {
         struct track *k = &t->tracks[i];
-        track_filter_predict(&k->filter, dt_s, acceleration_psd(t, k) + lost);
+        predict_filter(t, k, dt_s, lost);
         track_filter_predict(&k->steady, dt_s, STEADY_PSD_M2_S3 + lost);
         track_outline_predict(k, dt_s);
         track_life_predict(&k->life, &t->life, dt_s);
@@ -146,11 +171,35 @@ static void judge_rest(const struct tracker *t, const struct track_scan *scan,
         k->moves_ns = scan->stamp_ns;
 }
 
-static void hear_walker(struct track_position *p)
+/* Who walks has two models, and of his height no noise. */
+static void update_filter(struct track *k, struct track_position *p, int64_t now_ns)
 {
-    for (int a = 0; a < 2; a++)
-        for (int b = 0; b < 2; b++)
-            p->covariance_m2[a][b] -= p->walker_m2[a][b];
+    bool walks = track_outline_may_walk(k);
+
+    if (walks)
+        memcpy(p->covariance_m2, p->walker_m2, sizeof p->covariance_m2);
+    if (walks && !k->models.begun)
+        track_models_begin(&k->models, &k->filter);
+    k->models.begun = walks || (k->models.begun && track_outline_is_slow(k));
+    if (k->models.begun) {
+        track_models_update(&k->models, p, &k->filter);
+        track_past_keep(&k->past, &k->models, now_ns);
+    } else {
+        track_filter_update(&k->filter, p);
+        k->past.n = 0;
+    }
+}
+
+/* Who walks, when he has not been heard for a while. */
+static void lose_walker(const struct tracker *t, const struct track_scan *scan,
+                        struct track *k)
+{
+    double psd[TRACK_MODELS];
+
+    model_psd(t, 0.0, psd);
+    if (k->missed > MISSED_LOOKS && k->models.begun && scan->ego_known)
+        track_past_restore(&k->past, k->seen_ns, scan->stamp_ns, psd, &k->models,
+                           &k->filter);
 }
 
 static void measure_height(const struct tracker *t, const struct track_detection *d,
@@ -193,12 +242,14 @@ static void continue_track(struct tracker *t, const struct track_scan *scan, siz
     track_life_update(&k->life, &t->life, true, ratio, fresh);
     prove(t, scan, k);
     if (k->body.n) {
+        k->models.begun = false;
+        k->past.n = 0;
         track_body_update(t, scan, whose, i, fresh);
     } else {
+        for (int a = 0; k->models.begun && a < 2; a++)
+            middle.at_m[a] += middle.middle_m[a];
         track_filter_update(&k->steady, &middle);
-        if (track_outline_may_walk(k))
-            hear_walker(&middle);
-        track_filter_update(&k->filter, &middle);
+        update_filter(k, &middle, scan->stamp_ns);
     }
     measure_height(t, &scan->detections[k->detection], k);
     for (int a = 0; a < 3; a++)
@@ -252,6 +303,7 @@ static void miss_track(struct tracker *t, const struct track_scan *scan, size_t 
         track_life_update(&k->life, &t->life, false, 1.0 - t->cfg.detection_probability,
                           fresh);
     k->missed += fresh;
+    lose_walker(t, scan, k);
     k->waited += k->placed || !scan->n_mirrors ? 0.0 : fresh;
     k->state = TRACK_PREDICTED;
     k->detection = TRACK_NONE;

@@ -124,6 +124,7 @@ static void add_position(struct track_position *sum, const struct track_position
 {
     for (int a = 0; a < 2; a++) {
         sum->at_m[a] += share * p->at_m[a];
+        sum->middle_m[a] += share * p->middle_m[a];
         for (int b = 0; b < 2; b++) {
             sum->covariance_m2[a][b] += share * p->covariance_m2[a][b];
             sum->walker_m2[a][b] += share * p->walker_m2[a][b];
@@ -177,10 +178,12 @@ void track_gather(const struct tracker *t, const struct track_scan *scan,
     for (size_t j = 0; j < scan->n; j++) {
         double share = scan->detections[j].power / power;
         for (int a = 0; whose[j] == owner && a < 2; a++)
-            for (int b = 0; b < 2; b++)
-                middle->covariance_m2[a][b] +=
-                    share * (t->positions[j].at_m[a] - middle->at_m[a]) *
-                    (t->positions[j].at_m[b] - middle->at_m[b]);
+            for (int b = 0; b < 2; b++) {
+                double scatter_m2 = share * (t->positions[j].at_m[a] - middle->at_m[a]) *
+                                    (t->positions[j].at_m[b] - middle->at_m[b]);
+                middle->covariance_m2[a][b] += scatter_m2;
+                middle->walker_m2[a][b] += scatter_m2;
+            }
     }
     measure_extent(scan, whose, owner, extent_m);
 }

@@ -21,7 +21,9 @@ struct track_filter {
 
 struct track_position { /* a measured one, in the frame of the filter */
     double at_m[2], covariance_m2[2][2];
-    double walker_m2[2][2]; /* of that, what is no noise of somebody who walks */
+    double walker_m2[2][2]; /* covariance of somebody who walks: without his height, and
+                               with the limb or shoulder that glints just then */
+    double middle_m[2];     /* from there, the middle of all that was seen */
     double lag_s;           /* of the measured instant after the stamp; below 0: before */
     double height_m, height_m2;
     bool height_assumed; /* the same prior each time: not averaged */

@@ -3,7 +3,7 @@
 
 #include "recon/tracking/track_state.h"
 
-#define WALKER_M 0.03 /* the brightest spot of a person about his middle */
+#define GLINT_M 0.05 /* of a walker, what is brightest besides wanders so much more */
 
 void track_turn(double angle, const double from[2], double to[2])
 {
@@ -40,16 +40,16 @@ static double heard_sigma_m(const double covariance_m2[6])
     return sqrt(fmax(mean - hypot(half, covariance_m2[1]), 0.0));
 }
 
-/* Of whom walks all heights are heard in turn, which his place is filtered of: by how
- * much that varies is in WALKER_M, and what stays of it is told (track_report.c). */
+/* Of whom walks all heights are heard in turn, which his place is filtered of: what stays
+ * of it is told (track_report.c). */
 static void of_a_walker(const struct tracker *t, const struct track_detection *d,
                         double fresh, double out_m2[2][2])
 {
-    double less_m2 = t->cfg.wander_m * t->cfg.wander_m - WALKER_M * WALKER_M;
-    double spot_m2 = fmax(less_m2, 0.0);
+    double spot_m2 = t->cfg.wander_m * t->cfg.wander_m + GLINT_M * GLINT_M;
+    double xy_m2 = d->covariance_m2[1] - d->height_m2[1];
     const double c[2][2] = {
-        {(d->height_m2[0] + spot_m2) / fresh, d->height_m2[1] / fresh},
-        {d->height_m2[1] / fresh, (d->height_m2[3] + spot_m2) / fresh}};
+        {(d->covariance_m2[0] - d->height_m2[0] + spot_m2) / fresh, xy_m2 / fresh},
+        {xy_m2 / fresh, (d->covariance_m2[3] - d->height_m2[3] + spot_m2) / fresh}};
 
     track_turn_matrix(t->pose.dyaw, c, out_m2);
 }
@@ -71,6 +71,7 @@ void track_place(struct tracker *t, const struct track_scan *scan, double fresh)
         track_to_ground(&t->pose, d->position_m, p->at_m);
         track_turn_matrix(yaw, c, p->covariance_m2);
         of_a_walker(t, d, fresh, p->walker_m2);
+        track_turn(yaw, d->middle_m, p->middle_m);
         p->lag_s = d->lag_s;
         p->height_m = d->position_m[2];
         p->height_m2 = d->height_assumed ? d->covariance_m2[5]

@@ -126,9 +126,10 @@ static void pass_extent(const struct passage *w, double yaw, double extent_m[3])
 static void pass_track(struct track *k, const struct track_mirror *to, double yaw)
 {
     const struct passage w = passage_between(&k->mirror, to);
-    struct track_filter *filters[2] = {&k->filter, &k->steady};
+    struct track_filter *filters[TRACK_FILTERS];
+    size_t n = track_filters(k, filters);
 
-    for (int i = 0; i < 2; i++) {
+    for (size_t i = 0; i < n; i++) {
         const struct track_filter *f = filters[i];
         const double at_m[3] = {f->state[0], f->state[1], f->height_m};
         double there_m[3];
@@ -163,9 +164,10 @@ static double error_m(const struct track_mirror *m, const double array_m[2],
 /* As likely it is where it was told to be as where the new mirror puts it. */
 static void widen(struct track *k, const double way_m[2])
 {
-    struct track_filter *filters[2] = {&k->filter, &k->steady};
+    struct track_filter *filters[TRACK_FILTERS];
+    size_t n = track_filters(k, filters);
 
-    for (int i = 0; i < 2; i++)
+    for (size_t i = 0; i < n; i++)
         for (int a = 0; a < 2; a++)
             for (int b = 0; b < 2; b++)
                 filters[i]->covariance[a][b] += way_m[a] * way_m[b];

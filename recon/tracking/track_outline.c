@@ -46,14 +46,20 @@ bool track_outline_is_fast(const struct track *k)
     return speed > WALK_M_S && sigma <= SURE_M_S;
 }
 
-bool track_outline_may_walk(const struct track *k)
+bool track_outline_is_slow(const struct track *k)
 {
     const struct track_outline *o = &k->outline;
+
+    return !o->fast && !o->car && !o->glint;
+}
+
+bool track_outline_may_walk(const struct track *k)
+{
     double sigma;
 
     speed_of(&k->filter, &sigma);
-    return o->followed_s > GLINT_S && !o->fast && !o->longer && !o->car && !o->glint &&
-           sigma <= SURE_M_S;
+    return k->outline.followed_s > GLINT_S && track_outline_is_slow(k) &&
+           !k->outline.longer && sigma <= SURE_M_S;
 }
 
 void track_outline_turn_in(const double u[2], const double v[2], double out[2])

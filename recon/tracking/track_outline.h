@@ -59,7 +59,10 @@ bool track_outline_is_fast(const struct track *k);
 void track_outline_turn_in(const double u[2], const double v[2], double out[2]);
 void track_outline_turn_out(const double u[2], const double v[2], double out[2]);
 
-/* Neither faster nor longer than a person. */
+/* No faster than a person, by what is known so far. */
+bool track_outline_is_slow(const struct track *k);
+
+/* Neither faster nor longer than a person, and that is well known. */
 bool track_outline_may_walk(const struct track *k);
 
 /* After a look; of a vehicle that has turned by yaw over ground. */

@@ -8,13 +8,17 @@
 #include "recon/tracking/track_body.h"
 #include "recon/tracking/track_filter.h"
 #include "recon/tracking/track_ids.h"
+#include "recon/tracking/track_models.h"
 #include "recon/tracking/track_outline.h"
 #include "recon/tracking/track_rest.h"
 
-#define TRACK_NONE ((size_t)-1)
+#define TRACK_NONE    ((size_t)-1)
+#define TRACK_FILTERS (2 + TRACK_MODELS * (1 + TRACK_PAST))
 
 struct track {
     struct track_filter filter;
+    struct track_past past;
+    struct track_models models; /* of who walks: the filter is what they come to */
     struct track_filter steady; /* stiffer: only tells standing from moving */
     struct track_life life;
     unsigned id; /* 0: not confirmed yet */
@@ -54,6 +58,9 @@ struct tracker {
 void track_to_ground(const struct ego_step *pose, const double from[2], double to[2]);
 void track_turn(double angle, const double from[2], double to[2]);
 void track_turn_matrix(double angle, const double from[2][2], double to[2][2]);
+
+/* All that know its place, the filter first; returns how many. */
+size_t track_filters(struct track *k, struct track_filter *out[TRACK_FILTERS]);
 
 /* All tracks follow the mirrors of a scan, after its ego motion. */
 void track_mirror_follow(struct tracker *t, const struct track_scan *scan);

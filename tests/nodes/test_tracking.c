@@ -193,13 +193,13 @@ static void something_that_walks_is_where_it_is_at_the_stamp(void **state)
     struct rig *r = *state;
     const double lag_s = -0.046875 + 0.0347222 + 2.2 / 343.0;
 
-    for (int k = 0; k < 10; k++) {
+    for (int k = 0; k < 13; k++) {
         add(r, -1.2 + 0.25 * k + lag_s, 2.0, 1.0);
         image(r);
     }
     const Anlos__Detection *d = r->list->detections[0];
     double middle_m[2];
-    behind(-0.4, -1.2 + 0.25 * 9, 1.6, middle_m);
+    behind(-0.4, -1.2 + 0.25 * 12, 1.6, middle_m);
     assert_near(d->position_m->y, middle_m[1], 0.02);
     assert_near(d->velocity_m_s[1], 1.0, 0.1);
     assert_int_equal(d->motion, ANLOS__MOTION__MOVING);
