@@ -120,7 +120,7 @@ static void a_name_that_is_long_is_one_fault_too(void **state)
 static void more_different_ones_than_are_kept_are_not_told(void **state)
 {
     struct new_faults f = {.again_ns = AGAIN};
-    char name[16];
+    char name[24];
 
     (void)state;
     for (int i = 0; i <= NEW_FAULTS_MAX; i++) {
