@@ -119,6 +119,9 @@ static int set_volume(struct survey *s, const double at_m[3], struct error *why)
         } else if (!s->has_volume) {
             v[0] = fmin(low[a], at_m[a]) - ASIDE_M;
             v[1] = fmax(high[a], at_m[a]) + ASIDE_M;
+        } else if (v[0] == v[1] && at_m[a] == v[0]) {
+            v[2] = narrowest_m / STEPS; /* a volume of one plane */
+            continue;
         } else if (!(v[0] < at_m[a] && at_m[a] < v[1])) {
             return error_say(why, -EINVAL,
                              "a point at %g, %g, %g m: expected it in the volume, %g to "
