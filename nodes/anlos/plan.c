@@ -42,6 +42,10 @@ static const char help[] =
     "                  slots may be shorter; what is farther off is heard as if nearer\n"
     "  --stage V,A,S   what the stage can do: m/s, m/s2, and s that it takes to settle;\n"
     "                  0.2,0.5,0.15 by default\n"
+    "  --reach A,B     from where to where the stage can be, m: one that goes on gets "
+    "up\n"
+    "                  to speed before its positions and brakes behind them; -0.05,2 by\n"
+    "                  default; both --stage and this, as the simulated one\n"
     "  --out DIR       also writes plan.json, and draws error and sidelobes over time:\n"
     "                  plan-error and plan-sidelobes, .svg and .png\n"
     "  --threads N     1..256, default: one for each processor\n"
@@ -63,19 +67,13 @@ static const char help[] =
     "exit codes: 0 done; 1 there is no such way, or failed; 2 bad arguments or file\n";
 
 static const struct option options[] = {
-    {"survey", required_argument, NULL, 's'},
-    {"scene", required_argument, NULL, 'S'},
-    {"rig", required_argument, NULL, 'r'},
-    {"time-s", required_argument, NULL, 't'},
-    {"error-cm", required_argument, NULL, 'e'},
-    {"snr-db", required_argument, NULL, 'n'},
-    {"at", required_argument, NULL, 'a'},
-    {"far-m", required_argument, NULL, 'f'},
-    {"stage", required_argument, NULL, 'g'},
-    {"out", required_argument, NULL, 'o'},
-    {"threads", required_argument, NULL, 'T'},
-    {"help", no_argument, NULL, 'h'},
-    {NULL, 0, NULL, 0},
+    {"survey", required_argument, NULL, 's'},   {"scene", required_argument, NULL, 'S'},
+    {"rig", required_argument, NULL, 'r'},      {"time-s", required_argument, NULL, 't'},
+    {"error-cm", required_argument, NULL, 'e'}, {"snr-db", required_argument, NULL, 'n'},
+    {"at", required_argument, NULL, 'a'},       {"far-m", required_argument, NULL, 'f'},
+    {"stage", required_argument, NULL, 'g'},    {"reach", required_argument, NULL, 'R'},
+    {"out", required_argument, NULL, 'o'},      {"threads", required_argument, NULL, 'T'},
+    {"help", no_argument, NULL, 'h'},           {NULL, 0, NULL, 0},
 };
 
 struct request {
@@ -96,7 +94,18 @@ static int take_stage(struct scan_stage *stage, const char *text)
                            "--stage %s: expected speed, acceleration and the time to "
                            "settle in m/s, m/s2 and s: 0.2,0.5,0.15",
                            text);
-    *stage = (struct scan_stage){v[0], v[1], v[2]};
+    stage->speed_m_s = v[0];
+    stage->acceleration_m_s2 = v[1];
+    stage->settle_s = v[2];
+    return 0;
+}
+
+/* 0, or an exit code. */
+static int take_reach(struct scan_stage *stage, const char *text)
+{
+    double *v = stage->reach_m;
+    if (usage_numbers(text, 2, v) || !(v[0] < v[1]))
+        return usage_error("plan", "--reach %s: expected two places in m: -0.05,2", text);
     return 0;
 }
 
@@ -127,6 +136,8 @@ static int take_option(struct request *q, int code)
                    : 0;
     case 'g':
         return take_stage(&q->plan.stage, optarg);
+    case 'R':
+        return take_reach(&q->plan.stage, optarg);
     case 'o':
         q->out = optarg;
         return 0;
@@ -225,13 +236,13 @@ static void print_way(const struct scan_way *w, const struct scan_plan *p,
 }
 
 /* Could the stage go this way, were there more time? */
-static bool takes_long(const struct scan_way *w, const struct scan_plan_config *cfg)
+static bool takes_long(const struct scan_way *w)
 {
-    return w->time_s > cfg->time_s && fabs(w->speed_m_s) <= cfg->stage.speed_m_s;
+    return !strcmp(w->why_not, SCAN_TOO_SLOW);
 }
 
 /* What was not computed: the stage or the chirp does not allow it, or the time. */
-static void print_others(const struct scan_plan *p, const struct scan_plan_config *cfg)
+static void print_others(const struct scan_plan *p)
 {
     const struct scan_way *first = NULL;
     size_t slow = 0, cannot = 0;
@@ -239,7 +250,7 @@ static void print_others(const struct scan_plan *p, const struct scan_plan_confi
         const struct scan_way *w = &p->ways[i];
         if (w->image.traces > 0.0)
             continue;
-        if (takes_long(w, cfg)) {
+        if (takes_long(w)) {
             slow++;
         } else {
             first = first ? first : w;
@@ -270,7 +281,7 @@ static void print_table(const struct scan_plan *p, const struct scan_plan_config
         begun = true;
         print_way(w, p, cfg->survey);
     }
-    print_others(p, cfg);
+    print_others(p);
 }
 
 /* Why none will do, and what would help. */
@@ -285,7 +296,7 @@ static void print_none(const struct scan_plan *p, const struct scan_plan_config 
         any = any || computed;
         if (computed && quiet)
             least_m = fmin(least_m, w->error_m);
-        if (takes_long(w, cfg))
+        if (takes_long(w))
             quickest_s = fmin(quickest_s, w->time_s);
     }
     printf("none will do: ");
@@ -354,7 +365,8 @@ static int print(const struct scan_plan *p, const struct request *q,
     }
     printf("%.1f s a pass", w->time_s);
     if (w->continuous)
-        printf(", the stage goes through at %.1f cm/s", 100.0 * fabs(w->speed_m_s));
+        printf(", the stage goes from %.3f to %.3f m, through at %.1f cm/s", w->room_m[0],
+               w->room_m[1], 100.0 * fabs(w->speed_m_s));
     printf("; two points are told apart that are");
     const char *before = " ", *after = " apart";
     for (int a = 0; a < 3; a++) {
@@ -506,9 +518,10 @@ static int run(struct request *q)
 int command_plan(int argc, char **argv)
 {
     struct usage usage = {.command = "plan", .help = help, .options = options};
-    struct request q = {
-        .plan = {.stage = {0.2, 0.5, 0.15}, .time_s = INFINITY, .snr_db = INFINITY},
-        .threads = usage_default_threads()};
+    struct request q = {.plan = {.stage = {0.2, 0.5, 0.15, {-0.05, 2.0}},
+                                 .time_s = INFINITY,
+                                 .snr_db = INFINITY},
+                        .threads = usage_default_threads()};
     int code;
 
     while ((code = usage_next(&usage, argc, argv)) > 0)

@@ -282,6 +282,12 @@ static bool find_place(struct acquisition *s, struct shot *shot,
     return fabs(off_m) <= MOST_OFF_M;
 }
 
+/* No -0.00. */
+static double shown_mm(double m)
+{
+    return fabs(m) < 5e-6 ? 0.0 : 1e3 * m;
+}
+
 /* At the end of a run. */
 static void tell_places(struct acquisition *s, const struct places *p)
 {
@@ -291,10 +297,10 @@ static void tell_places(struct acquisition *s, const struct places *p)
     bool good = !p->n_off && !p->n_unknown;
     node_log(
         s->node, good ? LOG_LEVEL_INFO : LOG_LEVEL_WARNING,
-        "%zu pings on the way: the stage was %+.2f mm from their places in the mean, "
-        "%+.2f at most; its reports lie %.2f mm beside a line; %zu over %.0f mm off "
-        "and %zu without a report are taken again",
-        p->n, known ? 1e3 * p->sum_m / (double)known : 0.0, 1e3 * p->worst_m,
+        "%zu pings of a stage that does not stop: by its reports it was %+.2f mm from "
+        "their places in the mean, %+.2f at most; the reports lie %.2f mm beside a "
+        "line; %zu over %.0f mm off and %zu without a report are taken again",
+        p->n, known ? shown_mm(p->sum_m / (double)known) : 0.0, shown_mm(p->worst_m),
         1e3 * p->jitter_m, p->n_off, 1e3 * MOST_OFF_M, p->n_unknown);
 }
 

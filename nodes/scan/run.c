@@ -29,13 +29,23 @@ void run_begin(struct run *r, double first_m, double end_m, double speed_m_s)
     r->go_m = first_m - copysign(r->run_up_m, speed_m_s);
 }
 
+void run_room(const struct run *r, double room_m[2])
+{
+    double ramp_m = r->run_up_m - RUN_UP_S * fabs(r->speed_m_s);
+
+    room_m[0] = r->first_m - copysign(r->run_up_m, r->speed_m_s);
+    room_m[1] = r->end_m + RUN_OUT_S * r->speed_m_s + copysign(ramp_m, r->speed_m_s);
+}
+
 void run_stands(struct run *r)
 {
+    double room_m[2];
+
     r->stands = true;
     r->set_off = false;
     r->line.n = 0;
-    double ramp_m = r->run_up_m - RUN_UP_S * fabs(r->speed_m_s);
-    r->go_m = r->end_m + RUN_OUT_S * r->speed_m_s + copysign(ramp_m, r->speed_m_s);
+    run_room(r, room_m);
+    r->go_m = room_m[1];
 }
 
 void run_report(struct run *r, const Anlos__StageState *state, int64_t at_ns)

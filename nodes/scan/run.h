@@ -34,6 +34,9 @@ struct run {
 /* A new one, from a round's place on, at a speed with its sign. */
 void run_begin(struct run *r, double first_m, double end_m, double speed_m_s);
 
+/* From where it gets up to speed to where it stands again. */
+void run_room(const struct run *r, double room_m[2]);
+
 /* The stage has been said to be at rest at the start; and what it reports on its way. */
 void run_stands(struct run *r);
 void run_report(struct run *r, const Anlos__StageState *state, int64_t at_ns);

@@ -367,6 +367,25 @@ static void fire(struct scan *s, Anlos__Pass pass, size_t n, int64_t now_ns,
     send_pending_fire(s, now_ns, out);
 }
 
+/* A stage that stops needs no more room than its positions, and no speed. */
+static void fail_move(struct scan *s)
+{
+    char what[sizeof s->text - 8];
+    double room_m[2];
+
+    if (!s->running) {
+        fail(s, "stage", s->stage_client.text);
+        return;
+    }
+    run_room(&s->run, room_m);
+    snprintf(
+        what, sizeof what,
+        "%.140s; without stops it goes from %.3f to %.3f m at %.4f m/s: 'anlos plan' "
+        "finds slower ways",
+        s->stage_client.text, room_m[0], room_m[1], fabs(s->speed_m_s));
+    fail(s, "stage", what);
+}
+
 /* true: the stage stands there.  What is on its way to the image still gets there when it
  * cannot. */
 static bool move(struct scan *s, double target_m, double speed_m_s, int64_t now_ns,
@@ -385,7 +404,7 @@ static bool move(struct scan *s, double target_m, double speed_m_s, int64_t now_
         return false;
     case STAGE_CLIENT_FAILED:
         if (!count->under_way)
-            fail(s, "stage", s->stage_client.text);
+            fail_move(s);
         return false;
     default:
         return false;

@@ -9,8 +9,9 @@
 #include "recon/tail.h"
 
 /* As nodes/scan/run.c has it. */
-#define RUN_UP_S 0.3
-#define RUN_UP_A 0.5 /* m/s2 */
+#define RUN_UP_S  0.3
+#define RUN_UP_A  0.5 /* m/s2 */
+#define RUN_OUT_S 0.1
 
 #define SLOT_STEP 16   /* samples */
 #define GAIN_LOST 2.7  /* Hann's window, spreading, `fast`'s weights; measured by Pd */
@@ -28,6 +29,26 @@ static double move_s(const struct scan_stage *stage, double m)
     return m < v * v / a ? 2.0 * sqrt(m / a) : m / v + v / a;
 }
 
+static double ramp_m(double speed_m_s)
+{
+    return speed_m_s * speed_m_s / (2.0 * RUN_UP_A);
+}
+
+static void find_room(double room_m[2], const struct survey *s)
+{
+    double v = survey_speed_m_s(s), first_m = s->stage_positions_m[0];
+    double end_m = first_m + v * survey_duration_s(s);
+    room_m[0] = first_m - copysign(RUN_UP_S * fabs(v) + ramp_m(v), v);
+    room_m[1] = end_m + copysign(RUN_OUT_S * fabs(v) + ramp_m(v), v);
+}
+
+static bool reaches(const struct scan_stage *stage, const double room_m[2])
+{
+    const double *reach_m = stage->reach_m;
+    return reach_m[0] == reach_m[1] || (fmin(room_m[0], room_m[1]) >= reach_m[0] &&
+                                        fmax(room_m[0], room_m[1]) <= reach_m[1]);
+}
+
 static double pass_s(const struct survey *s, const struct scan_stage *stage)
 {
     double tail_s = (double)tail_samples(s) / s->sample_rate_hz;
@@ -38,7 +59,7 @@ static double pass_s(const struct survey *s, const struct scan_stage *stage)
         return pings_s + (last + 1.0) * tail_s +
                last * (move_s(stage, way_m / last) + stage->settle_s);
     double v = fabs(survey_speed_m_s(s));
-    double run_up_m = RUN_UP_S * v + v * v / (2.0 * RUN_UP_A);
+    double run_up_m = RUN_UP_S * v + ramp_m(v);
     return move_s(stage, run_up_m) + stage->settle_s + v / stage->acceleration_m_s2 +
            (run_up_m - v * v / (2.0 * stage->acceleration_m_s2)) / v + pings_s + tail_s;
 }
@@ -84,6 +105,8 @@ static int time_of(const struct scan_plan_config *cfg, struct scan_way *w,
         return err;
     w->time_s = pass_s(&s, &cfg->stage);
     w->speed_m_s = survey_speed_m_s(&s);
+    if (s.continuous)
+        find_room(w->room_m, &s);
     survey_clear(&s);
     return 0;
 }
@@ -170,8 +193,13 @@ static int judge(const struct scan_plan *p, const struct scan_plan_config *cfg,
     if (!err && fabs(w->speed_m_s) > cfg->stage.speed_m_s)
         err = error_say(&inner, -EINVAL, "the stage would have to go at %.3f m/s",
                         fabs(w->speed_m_s));
+    if (!err && w->continuous && !reaches(&cfg->stage, w->room_m))
+        err = error_say(&inner, -EINVAL,
+                        "the stage would have to go from %.3f to %.3f m, to get up to "
+                        "speed before its positions and brake behind them",
+                        w->room_m[0], w->room_m[1]);
     if (!err && w->time_s > cfg->time_s)
-        err = error_say(&inner, -EINVAL, "takes too long");
+        err = error_say(&inner, -EINVAL, SCAN_TOO_SLOW);
     if (!err)
         err = scan_way_survey(&s, cfg->survey, w, &inner);
     if (err) {

@@ -23,6 +23,7 @@
 
 struct scan_stage { /* what it can do */
     double speed_m_s, acceleration_m_s2, settle_s;
+    double reach_m[2]; /* from where to where it can be; both 0: anywhere */
 };
 
 struct scan_plan_config {
@@ -37,10 +38,13 @@ struct scan_plan_config {
 
 enum { SCAN_WAYS = 40, SCAN_WORDS = 200 };
 
+#define SCAN_TOO_SLOW "takes too long" /* why_not of one that could be had */
+
 struct scan_way {
     bool continuous, alternates;
     size_t slot_samples, together, n_positions;
-    double speed_m_s; /* of a continuous stage */
+    double speed_m_s; /* of a continuous stage, and from where it gets up to speed to */
+    double room_m[2]; /* where it stands again */
     double time_s;    /* one pass, with the stage's way to its beginning */
     struct point_image image;
     double noise_m, error_m;

@@ -52,8 +52,8 @@ static int tear_down(void **state)
 
 static struct command_result plan(const char *a, const char *b)
 {
-    char *words[] = {"plan", "--scene", scene,     "--threads",
-                     "1",    (char *)a, (char *)b, NULL};
+    char *words[] = {"plan",      "--scene", scene,     "--reach", "-0.2,2",
+                     "--threads", "1",       (char *)a, (char *)b, NULL};
     struct command_result r;
     command_run(&r, command_plan, words);
     return r;
@@ -135,8 +135,8 @@ static void a_rig_is_told_what_its_card_is_to_do(void **state)
                              "[0, 1, 2, 3]}\n",
                              (int)(end - text), text) > 0);
     assert_int_equal(fclose(f), 0);
-    char *words[] = {"plan", "--rig",    path,  "--threads",
-                     "1",    "--time-s", "4.5", (char *)NULL};
+    char *words[] = {"plan",      "--rig", path,       "--reach", "-0.2,2",
+                     "--threads", "1",     "--time-s", "4.5",     NULL};
     command_run(&r, command_plan, words);
     if (r.code)
         fail_msg("%s", r.err);
@@ -221,6 +221,7 @@ static void what_is_wrong_is_said(void **state)
         {"--at", "1,2", "expected X,Y,Z"},
         {"--at", "5,0.1,1.4", "in the volume"},
         {"--stage", "0.2,0.5", "expected speed, acceleration"},
+        {"--reach", "1,0", "--reach 1,0: expected two places"},
         {"--far-m", "0.5", "gate_m"},
         {"x.yaml", NULL, "a file is named by --survey"},
         {"--survey", "x.yaml", "one of --survey, --scene and --rig"},

@@ -171,6 +171,26 @@ static void a_stage_is_not_asked_for_more_than_it_can_do(void **state)
     free(p);
 }
 
+/* At 6 cm/s 2.16 cm before the first position, 0.96 cm behind where the last round ends;
+ * at 30 cm/s 17.6 cm. */
+static void a_stage_that_goes_on_has_room_to_get_up_to_speed(void **state)
+{
+    (void)state;
+    struct survey s = with_volume();
+    struct scan_plan_config cfg = any(&s);
+    cfg.stage.reach_m[0] = -0.05;
+    cfg.stage.reach_m[1] = 0.5;
+    struct scan_plan *p = plan(cfg);
+    const struct scan_way *slow = find(p, true, 3000, 1, 12);
+    assert_string_equal(slow->why_not, "");
+    assert_near(slow->room_m[0], -0.0216, 1e-9);
+    assert_near(slow->room_m[1], 0.36 + 0.0096, 1e-9);
+    const struct scan_way *quick = find(p, true, 608, 1, 12);
+    assert_non_null(strstr(quick->why_not, "would have to go from -0.176 to"));
+    assert_string_equal(find(p, false, 608, 1, 12)->why_not, "");
+    free(p);
+}
+
 static void where_there_is_no_time_nothing_will_do(void **state)
 {
     (void)state;
@@ -204,6 +224,7 @@ int main(void)
         cmocka_unit_test(for_an_error_the_quickest_is_taken),
         cmocka_unit_test(half_the_positions_have_a_root_of_two_more_noise),
         cmocka_unit_test(a_stage_is_not_asked_for_more_than_it_can_do),
+        cmocka_unit_test(a_stage_that_goes_on_has_room_to_get_up_to_speed),
         cmocka_unit_test(where_there_is_no_time_nothing_will_do),
         cmocka_unit_test(an_array_that_stands_still_has_no_plan),
     };
