@@ -425,6 +425,20 @@ static void a_background_can_be_carried_along_and_must_not_clip(void **state)
     expect(f, 2, "an array that plays a recording needs a background of it");
 }
 
+/* Where the array stands it hears another background than on its way. */
+static void the_background_of_a_stage_that_does_not_stop_is_left_to_the_scan(void **state)
+{
+    struct fixture *f = *state;
+    char folder[96];
+    snprintf(folder, sizeof folder, "%s/empty", f->folder);
+    char *more[] = {"--folder", folder, "--stage", "sim:?pace=fast", NULL};
+    write_scene(f, QUIET, "");
+    strcat(f->scene, "?continuous=yes&slot_samples=3000");
+    run(f, "background", more);
+    expect(f, 2, "by scan: {background: true}");
+    assert_int_equal(access(folder, F_OK), -1);
+}
+
 static struct array *open_array(const char *uri)
 {
     struct error why = {.text = ""};
@@ -785,6 +799,7 @@ int main(void)
         test(each_command_renews_its_part_and_keeps_the_rest),
         test(a_background_is_a_recording_with_its_temperature),
         test(a_background_can_be_carried_along_and_must_not_clip),
+        test(the_background_of_a_stage_that_does_not_stop_is_left_to_the_scan),
         test(a_calibrated_array_hears_what_a_good_one_hears),
         test(elements_that_stand_elsewhere_are_found),
         test(a_level_line_goes_by_upright_walls),

@@ -43,6 +43,11 @@ static int check(struct session *s)
     if (!o->folder || !o->folder[0])
         return error_say(&s->why, -EINVAL,
                          "background: --folder DIR is missing, where the recording goes");
+    if (s->survey->continuous)
+        return error_say(
+            &s->why, -EINVAL,
+            "background: the stage does not stop, and here it would; let the "
+            "scan record it as it goes, by scan: {background: true}");
     if (s->survey->source == SURVEY_LIVE && s->survey->n_positions > 1 && !o->stage)
         return error_say(
             &s->why, -EINVAL,
