@@ -25,7 +25,7 @@ static const int row_of[6] = {0, 0, 0, 1, 1, 2}, column_of[6] = {0, 1, 2, 1, 2, 
 
 struct pair {
     double speaker[3], microphone[3];
-    long long cell[3]; /* of the midpoint, in SAME_M */
+    long long cell[3]; /* of the midpoint, in SAME_M, on a stage that stands */
     double delay_s, weight;
 };
 
@@ -40,10 +40,11 @@ static int by_cell(const void *a, const void *b)
 
 static void fill_pair(struct pair *p, const struct psf_config *cfg, size_t number)
 {
-    const struct geometry *g = cfg->geometry;
-    geometry_pair(g, number, p->speaker, p->microphone);
+    const struct geometry *g = cfg->geometry, standing = geometry_standing(g);
+    geometry_pair(&standing, number, p->speaker, p->microphone);
     for (int d = 0; d < 3; d++)
         p->cell[d] = llrint(0.5 * (p->speaker[d] + p->microphone[d]) / SAME_M);
+    geometry_pair(g, number, p->speaker, p->microphone);
     double near = geometry_distance(p->speaker, cfg->at_m);
     double far = geometry_distance(p->microphone, cfg->at_m);
     p->delay_s = (near + far) / g->sound_speed_m_s;

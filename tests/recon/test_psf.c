@@ -8,6 +8,8 @@
 #include <string.h>
 
 #include "recon/inverse/psf.h"
+#include "recon/processing.h"
+#include "tests/recon/planned.h"
 
 static const double sigma_m[3] = {0.031, 0.022, 0.013};
 static const int row_of[6] = {0, 0, 0, 1, 1, 2}, column_of[6] = {0, 1, 2, 1, 2, 2};
@@ -301,6 +303,27 @@ static void the_fit_to_an_array_s_image_is_near_its_curvature(void **state)
     free(intensity);
 }
 
+/* Its midpoints all differ; what would share one on a stage that stands counts as one. */
+static void a_stage_that_goes_on_has_the_widths_of_one_that_stands(void **state)
+{
+    (void)state;
+    struct survey s = planned_survey();
+    struct geometry g;
+    struct psf_config cfg = {
+        .geometry = &g, .band_hz = {2000, 20000}, .at_m = {0.2, 0.25, 1.4}};
+    struct psf fit;
+    double stands_m[3], goes_on_m[3];
+    processing_geometry(&g, &s);
+    assert_int_equal(psf_compute(&fit, &cfg, NULL, NULL), 0);
+    psf_widths(&fit, stands_m);
+    s.continuous = true;
+    processing_geometry(&g, &s);
+    assert_int_equal(psf_compute(&fit, &cfg, NULL, NULL), 0);
+    psf_widths(&fit, goes_on_m);
+    for (int a = 0; a < 3; a++)
+        assert_near(goes_on_m[a] / stands_m[a], 1.0, 0.05);
+}
+
 static void an_array_that_resolves_no_axis_says_so(void **state)
 {
     (void)state;
@@ -326,6 +349,7 @@ int main(void)
         cmocka_unit_test(what_is_flat_has_no_inverse),
         cmocka_unit_test(an_array_s_curvature_is_the_spread_of_its_wave_vectors),
         cmocka_unit_test(the_fit_to_an_array_s_image_is_near_its_curvature),
+        cmocka_unit_test(a_stage_that_goes_on_has_the_widths_of_one_that_stands),
         cmocka_unit_test(an_array_that_resolves_no_axis_says_so),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
