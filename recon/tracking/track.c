@@ -12,6 +12,7 @@
 #define EXTENT_SHARE     0.3        /* of the newest look at it */
 #define STARTED          TRACKS_MAX /* owner of what a track begins with */
 #define NEWCOMER_M       1.5        /* from anybody who is known */
+#define WAKE_S           0.5        /* so long ago somebody was where he still echoes */
 #define MISSED_LOOKS     0.5        /* after more of them it may be something else */
 #define LONGEST_S        60.0       /* nothing is predicted farther */
 
@@ -211,6 +212,18 @@ static void measure_height(const struct tracker *t, const struct track_detection
     track_turn_matrix(t->pose.dyaw, h, k->height_m2);
 }
 
+/* From where it is, and was just now: its late echoes come from behind it. */
+static double away_from_m(const struct track *k, const double at_m[2])
+{
+    const double *s = k->filter.state;
+    const double way_m[2] = {at_m[0] - s[0], at_m[1] - s[1]};
+    double speed2 = s[2] * s[2] + s[3] * s[3];
+    double ago_s = speed2 > 0.0 ? -(way_m[0] * s[2] + way_m[1] * s[3]) / speed2 : 0.0;
+
+    ago_s = fmin(fmax(ago_s, 0.0), WAKE_S);
+    return hypot(way_m[0] + ago_s * s[2], way_m[1] + ago_s * s[3]);
+}
+
 /* Pings one by one tell a newcomer; beside somebody they tell of his limbs and wheels. */
 static void prove(const struct tracker *t, const struct track_scan *scan, struct track *k)
 {
@@ -218,9 +231,7 @@ static void prove(const struct tracker *t, const struct track_scan *scan, struct
 
     for (size_t i = 0; i < t->n; i++) {
         const struct track *other = &t->tracks[i];
-        const double *its_m = other->filter.state;
-        if (other != k && other->id &&
-            hypot(at_m[0] - its_m[0], at_m[1] - its_m[1]) < NEWCOMER_M)
+        if (other != k && other->id && away_from_m(other, at_m) < NEWCOMER_M)
             return;
     }
     track_life_prove(&k->life, &t->life, scan->detections[k->detection].proven);

@@ -10,7 +10,7 @@
 #define LOOSE_M   100.0 /* what is known beforehand: it is within so much of the array */
 #define LOOSE_M_S 10.0  /* and not faster */
 #define GAIN      20.0  /* motion explains so much more: in 1 of 2000 cases of noise */
-#define GAIN_LEFT 10.0  /* and so many times what a whole look leaves */
+#define GAIN_LEFT 15.0  /* and so many times what a whole look leaves */
 #define RARE_GAIN 9.5   /* the same of what is left of a background: in 1 of 20 */
 #define RARE_LEFT 3.0
 #define FAR_M     100.0 /* from the origin LOOSE_M would count for motion */

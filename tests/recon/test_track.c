@@ -237,6 +237,55 @@ static void a_walker_is_as_far_off_as_his_covariance_says(void **state)
  */
 
 /* Two persons pass each other half a metre apart. */
+/* One proven ping by ping, at (x, y). */
+static void see_proven(struct rig *r, double x, double y, double proven)
+{
+    see(r, x, y, 0.03)->proven = proven;
+}
+
+static void who_is_proven_ping_by_ping_is_told_at_once(void **state)
+{
+    struct rig *r = *state;
+
+    see_proven(r, 3.0, 1.0, 0.9);
+    see_proven(r, 3.0, -1.0, 0.97);
+    step(r);
+    assert_int_equal(r->n, 1);
+    assert_near(r->reports[0].position_m[1], -1.0, 1e-9);
+    assert_near(r->reports[0].existence, 0.97, 1e-9);
+}
+
+/* Somebody drives past with 4 m/s and is not heard any more; then something is, 2 m
+ * behind him or 2 m beside. */
+static size_t told_after(struct rig *r, double behind_m, double beside_m)
+{
+    double y_m = 3.0;
+
+    for (int k = 0; k < 60; k++, y_m -= 4.0 * 1e-9 * (double)PING_NS) {
+        see(r, 4.0, y_m, 0.03);
+        step_after(r, PING_NS);
+    }
+    assert_int_equal(r->n, 1);
+    see_proven(r, 4.0 + beside_m, y_m + behind_m, 0.98);
+    step_after(r, PING_NS);
+    return r->n;
+}
+
+static void what_echoes_behind_who_has_passed_is_not_told_at_once(void **state)
+{
+    assert_int_equal(told_after(*state, 2.0, 0.0), 1);
+}
+
+static void who_comes_beside_him_is(void **state)
+{
+    assert_int_equal(told_after(*state, 0.0, 2.0), 2);
+}
+
+static void who_comes_far_behind_him_is(void **state)
+{
+    assert_int_equal(told_after(*state, 4.0, 0.0), 2);
+}
+
 static void crossing_objects_keep_their_ids(void **state)
 {
     struct rig *r = *state;
@@ -1003,6 +1052,10 @@ int main(void)
         TEST(something_comes_back_under_its_id),
         TEST(standing_and_moving_are_told_apart),
         TEST(a_walker_is_as_far_off_as_his_covariance_says),
+        TEST(who_is_proven_ping_by_ping_is_told_at_once),
+        TEST(what_echoes_behind_who_has_passed_is_not_told_at_once),
+        TEST(who_comes_beside_him_is),
+        TEST(who_comes_far_behind_him_is),
         TEST(crossing_objects_keep_their_ids),
         TEST(what_stood_beside_its_way_becomes_no_double),
         TEST(who_walks_beside_it_is_told_too),
