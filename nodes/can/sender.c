@@ -224,6 +224,16 @@ static double larger(double a, double b)
     return isnan(a) || isnan(b) ? NAN : fmax(a, b);
 }
 
+/* Of two errors; never so near to 1 that the frame would say 1.  What is of no covariance
+ * stays so: fit() counts it. */
+static double correlation_of(double covariance, double sigma, double other_sigma)
+{
+    double product = sigma * other_sigma;
+    double r = product <= 0.0 ? 0.0 : covariance / product;
+
+    return fabs(r) <= 1.0 ? copysign(fmin(fabs(r), MOST_CORRELATION), r) : r;
+}
+
 /* Where it is, as far as that is known in the vehicle: the mirror image of an object, or
  * a place in the array's own frame, would be an obstacle where there is none. */
 static void fill_place(struct can_object *o, const Anlos__Detection *d)
@@ -238,10 +248,7 @@ static void fill_place(struct can_object *o, const Anlos__Detection *d)
         memcpy(o->covariance_m2, c, sizeof o->covariance_m2);
         o->sigma_m[0] = sigma_of(c[0]);
         o->sigma_m[1] = sigma_of(c[3]);
-        double product = o->sigma_m[0] * o->sigma_m[1];
-        double r = product <= 0.0 ? 0.0 : c[1] / product;
-        bool none = !(fabs(r) <= 1.0); /* of no covariance: fit() counts it */
-        o->correlation = none ? r : copysign(fmin(fabs(r), MOST_CORRELATION), r);
+        o->correlation = correlation_of(c[1], o->sigma_m[0], o->sigma_m[1]);
     }
     if (d->extent_m) { /* in the position's frame */
         o->length_m = d->extent_m->x;
@@ -284,8 +291,8 @@ static void fill_velocity(struct can_object *o, const Anlos__Detection *d)
     o->sigma_velocity_m_s[0] = sigma_of(c[0]);
     o->sigma_velocity_m_s[1] = sigma_of(c[2]);
     o->sigma_v_m_s = larger(o->sigma_velocity_m_s[0], o->sigma_velocity_m_s[1]);
-    double product = o->sigma_velocity_m_s[0] * o->sigma_velocity_m_s[1];
-    o->velocity_correlation = product > 0.0 ? c[1] / product : product;
+    o->velocity_correlation =
+        correlation_of(c[1], o->sigma_velocity_m_s[0], o->sigma_velocity_m_s[1]);
     fill_course(o, c);
 }
 

@@ -586,12 +586,17 @@ static void a_correlation_that_is_nearly_one_is_none_that_is(void **state)
         struct sender_list sent;
         struct can_object o;
         init(&s, 0x400);
+        s.cfg.bus.motion = true;
         fill_tracks(&l, 1);
         l.covariance[0] = l.covariance[3] = 0.04;
         l.covariance[1] = 0.04 * said[i][0];
+        double velocity_covariance[] = {0.09, 0.09 * said[i][0], 0.09};
+        l.detections[0].velocity_covariance_m2_s2 = velocity_covariance;
         send(&s, &l, 50, &sent);
-        assert_int_equal(can_unpack_object_quality(&sent.frames[4], &o), 0);
+        assert_int_equal(can_unpack_object_motion(&sent.frames[2], &o), 0);
+        assert_int_equal(can_unpack_object_quality(&sent.frames[5], &o), 0);
         assert_near(o.correlation, said[i][1], 1e-9);
+        assert_near(o.velocity_correlation, said[i][1], 1e-9);
     }
 }
 
