@@ -225,8 +225,10 @@ int scan_create(struct scan **out, const struct scan_config *cfg)
 /* What a process kept is gone with it. */
 static void forget(struct scan *s, const char *node)
 {
-    if (!strcmp(node, "stage"))
+    if (!strcmp(node, "stage")) {
         stage_client_forget(&s->stage_client);
+        s->running = s->running && s->run.fired; /* it would not get there */
+    }
     if (!s->ping_tracker)
         return;
     if (!strcmp(node, "array") || !strcmp(node, "dsp") || !strcmp(node, "recon"))

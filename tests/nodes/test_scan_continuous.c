@@ -29,7 +29,7 @@ struct world {
     int64_t now_ns;
     double acceleration, jitter_m, min_m;
     struct trapezoid motion;
-    int64_t set_off_ns, told_ns;
+    int64_t set_off_ns, told_ns, stage_epoch_ns;
     uint32_t command_id;
     double target_m, speed_m_s;
     bool refused, held, deaf, moved;
@@ -84,7 +84,7 @@ static void tell_health(struct world *w)
     Anlos__Health health = ANLOS__HEALTH__INIT;
     health.state = ANLOS__HEALTH__STATE__READY;
     for (size_t i = 0; i < 4; i++)
-        if (scan_hear(w->scan, needs[i], 1, w->now_ns))
+        if (scan_hear(w->scan, needs[i], i ? 1 : w->stage_epoch_ns, w->now_ns))
             scan_health(w->scan, needs[i], &health);
 }
 
@@ -98,8 +98,11 @@ static void setup(struct world *w, bool background)
                                     .silence_s = 5,
                                     .needs = needs,
                                     .n_needs = 4};
-    *w = (struct world){
-        .now_ns = 1000000 * MS, .acceleration = 0.5, .min_m = -0.05, .lose = {9999, 0}};
+    *w = (struct world){.now_ns = 1000000 * MS,
+                        .stage_epoch_ns = 1,
+                        .acceleration = 0.5,
+                        .min_m = -0.05,
+                        .lose = {9999, 0}};
     assert_int_equal(scan_create(&w->scan, &cfg), 0);
     tell_health(w);
     tell_survey(w);
@@ -130,7 +133,7 @@ static void tell_stage(struct world *w)
     s.target_m = w->target_m;
     s.held = w->held;
     s.text = (char *)"cannot move that far";
-    if (scan_hear(w->scan, "stage", 1, w->now_ns))
+    if (scan_hear(w->scan, "stage", w->stage_epoch_ns, w->now_ns))
         scan_stage(w->scan, &s, w->now_ns);
 }
 
@@ -311,6 +314,39 @@ static void a_command_that_got_lost_costs_a_run(void **state)
     scan_destroy(w.scan);
 }
 
+/* Its process has begun anew: it stands where it was, and knows no command. */
+static void restart_stage(struct world *w)
+{
+    Anlos__Health health = ANLOS__HEALTH__INIT;
+    health.state = ANLOS__HEALTH__STATE__READY;
+    w->motion = (struct trapezoid){.start = place_m(w, w->now_ns)};
+    w->command_id = 0;
+    w->target_m = 0;
+    w->stage_epoch_ns = w->now_ns;
+    if (scan_hear(w->scan, "stage", w->stage_epoch_ns, w->now_ns))
+        scan_health(w->scan, "stage", &health);
+    tell_stage(w);
+}
+
+/* While it gets up to speed: nothing has been fired, and it does not go on. */
+static void a_stage_that_restarts_on_its_run_up_begins_the_run_anew(void **state)
+{
+    struct world w;
+    (void)state;
+    setup(&w, false);
+    while (w.moves < 2 || w.now_ns - w.set_off_ns < 60 * MS)
+        step(&w);
+    assert_int_equal(w.commands, 0);
+    restart_stage(&w);
+    run(&w, 60);
+    assert_int_equal(status(&w).state, ANLOS__SCAN_STATUS__STATE__DONE);
+    assert_int_equal(w.commands, 1);
+    assert_int_equal(w.moves, 4); /* to the start and off, twice */
+    assert_all(w.imaged);
+    assert_true(w.worst_m < 1e-6);
+    scan_destroy(w.scan);
+}
+
 /* At 0.04 m/s2 it takes 4.5 cm and 1.5 s; the first run-up is 2.2 cm. */
 static void a_stage_that_gets_up_to_speed_slowly_begins_farther_off(void **state)
 {
@@ -418,6 +454,7 @@ int main(void)
         cmocka_unit_test(every_ping_is_taken_on_the_way_from_its_place),
         cmocka_unit_test(what_got_lost_is_taken_again_with_its_neighbours),
         cmocka_unit_test(a_command_that_got_lost_costs_a_run),
+        cmocka_unit_test(a_stage_that_restarts_on_its_run_up_begins_the_run_anew),
         cmocka_unit_test(a_stage_that_gets_up_to_speed_slowly_begins_farther_off),
         cmocka_unit_test(one_that_never_does_is_named),
         cmocka_unit_test(a_start_out_of_reach_is_named),
