@@ -361,6 +361,7 @@ static void a_bag_that_cannot_be_copied_leaves_nothing(void **state)
 
     VERB("filter", r->bag, "-o", r->out, "--topics", "detections", "--end", "1");
     VERB("merge", r->bag, r->sound, "-o", r->out, "--compression", "none");
+    VERB("filter", r->bag, "-o", r->out, "--topics", "volume", "--shuffle");
     VERB("recover", r->bag, "-o", r->out);
 }
 

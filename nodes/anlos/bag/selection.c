@@ -136,7 +136,12 @@ static int copy_message(struct run *r, size_t i, struct error *why)
     const enum selection_order order = r->selection->order;
     const struct topic *t = order == ORDER_KEPT ? NULL : shuffled_topic(r, i);
 
-    if (t && !payload_shuffle(&r->reordered, t->schema, m.data, order == ORDER_SHUFFLED))
+    bool shuffled = order == ORDER_SHUFFLED;
+    int err = t ? payload_shuffle(&r->reordered, t->schema, m.data, shuffled) : -EINVAL;
+
+    if (err == -ENOMEM)
+        return error_say(why, err, "out of memory");
+    if (!err)
         m.data = bytes_in(&r->reordered);
     return bag_copy_message(r->copy, i, &m, why);
 }

@@ -15,12 +15,8 @@ struct selection {
     char topics_room[VERB_PATTERNS], exclude_room[VERB_PATTERNS]; /* they may lie here */
     double start_s, end_s; /* after the first message of all; end_s may be INFINITY */
     enum bag_compression compression;
-    enum selection_order {
-        ORDER_KEPT,
-        ORDER_SHUFFLED,
-        ORDER_PLAIN
-    } order; /* of sound and
-             images */
+    /* Of sound and images (msgs/shuffle.h). */
+    enum selection_order { ORDER_KEPT, ORDER_SHUFFLED, ORDER_PLAIN } order;
     const char *out;
 };
 
