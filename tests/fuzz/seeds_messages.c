@@ -1,4 +1,5 @@
 /* SPDX-License-Identifier: MIT */
+#include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -6,6 +7,7 @@
 #include "msgs/convert.h"
 #include "msgs/envelope.h"
 #include "msgs/health.pb-c.h"
+#include "msgs/shuffle.h"
 #include "nodes/dsp/dsp.h"
 #include "nodes/recon/recon.h"
 #include "recon/detection/detector.h"
@@ -164,6 +166,59 @@ static void put_each_topic(const struct seeds *s)
     }
 }
 
+/* A scan as a bag has it that was recorded with --shuffle. */
+static struct bytes_buffer shuffle(struct bytes scan)
+{
+    struct bytes_buffer out = {0}, shuffled = {0};
+    const struct topic *topic;
+    struct bytes payload;
+
+    while (messages_next(&scan, &topic, &payload)) {
+        FUZZ_REQUIRE(!payload_shuffle(&shuffled, topic->schema, payload, true));
+        messages_put(&out, topic, bytes_in(&shuffled));
+    }
+    bytes_free(&shuffled);
+    FUZZ_REQUIRE(!out.failed);
+    return out;
+}
+
+static void put_shuffled(const struct seeds *s, const struct scan *scan)
+{
+    struct bytes_buffer all = shuffle(bytes_in(&scan->all)),
+                        sound = shuffle(bytes_in(&scan->sound)),
+                        image = shuffle(bytes_in(&scan->image));
+
+    seeds_put(s, "nodes", "sound-shuffled", bytes_in(&sound));
+    seeds_put(s, "bag_export", "scan-shuffled", bytes_in(&all));
+    seeds_put(s, "message", "scan-shuffled", bytes_in(&image));
+    seeds_put(s, "show", "scan-shuffled", bytes_in(&image));
+    bytes_free(&all);
+    bytes_free(&sound);
+    bytes_free(&image);
+}
+
+/* A ping of each type of tensor, of its whole numbers 1 and -2. */
+static void put_each_tensor(const struct seeds *s)
+{
+    uint8_t samples[] = {2, 3, 0, 0, 0, 0, 0, 0};
+
+    for (uint32_t type = 0; type <= ANLOS__TENSOR__TYPE__SHUFFLED_Q31; type++) {
+        Anlos__Ping ping = ANLOS__PING__INIT;
+        Anlos__Tensor tensor = ANLOS__TENSOR__INIT;
+        struct bytes_buffer b = {0};
+        char name[64];
+        tensor.type = (Anlos__Tensor__Type)type;
+        tensor.shape = (uint32_t[]){1, 2};
+        tensor.n_shape = 2;
+        tensor.data = (ProtobufCBinaryData){sizeof samples, samples};
+        ping.samples = &tensor;
+        snprintf(name, sizeof name, "tensor-%" PRIu32, type);
+        publish(&b, topic_ping(), &ping.base);
+        seeds_put(s, "message", name, bytes_in(&b));
+        bytes_free(&b);
+    }
+}
+
 static void put_envelope(const struct seeds *s)
 {
     struct envelope e = {.topic = "ping", .node = "array", .epoch_ns = 1, .sequence = 7};
@@ -183,6 +238,8 @@ void seeds_messages(const struct seeds *s)
     seeds_put(s, "bag_export", "scan", bytes_in(&scan.all));
     seeds_put(s, "message", "scan", bytes_in(&scan.image));
     seeds_put(s, "show", "scan", bytes_in(&scan.image));
+    put_shuffled(s, &scan);
+    put_each_tensor(s);
     put_each_topic(s);
     put_envelope(s);
     stop(&scan);

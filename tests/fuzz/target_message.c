@@ -1,11 +1,12 @@
 /* SPDX-License-Identifier: MIT */
 /* Bytes as a whole message of the bus, and as the content of one of each topic: unpacked,
- * printed, packed again. */
+ * printed, packed again, shuffled and back. */
 #include <stdlib.h>
 #include <string.h>
 
 #include "msgs/bus_message.h"
 #include "msgs/convert.h"
+#include "msgs/shuffle.h"
 #include "nodes/anlos/topic/message_json.h"
 #include "tests/fuzz/fuzz.h"
 #include "tests/fuzz/messages.h"
@@ -54,6 +55,23 @@ static void pack_again(const ProtobufCMessage *m)
     free(bytes);
 }
 
+/* Of what is packed as we do it nothing is lost, whatever its tensors are. */
+static void shuffle_and_back(const ProtobufCMessage *m)
+{
+    size_t size = protobuf_c_message_get_packed_size(m);
+    struct bytes_buffer plain = {0}, shuffled = {0}, back = {0};
+
+    FUZZ_REQUIRE(!bytes_reserve(&plain, size + 1));
+    plain.size = protobuf_c_message_pack(m, plain.data);
+    FUZZ_REQUIRE(!payload_shuffle(&shuffled, m->descriptor, bytes_in(&plain), true));
+    FUZZ_REQUIRE(!payload_shuffle(&back, m->descriptor, bytes_in(&shuffled), false));
+    FUZZ_REQUIRE(shuffled.size == plain.size &&
+                 bytes_equal(bytes_in(&back), bytes_in(&plain)));
+    bytes_free(&plain);
+    bytes_free(&shuffled);
+    bytes_free(&back);
+}
+
 static void try_payload(const struct topic *t, struct bytes payload)
 {
     const struct bus_message message = {.topic = t,
@@ -67,6 +85,7 @@ static void try_payload(const struct topic *t, struct bytes payload)
     print(m, false);
     print(m, true);
     pack_again(m);
+    shuffle_and_back(m);
     if (t == topic_survey())
         try_survey((Anlos__Survey *)m);
     if (t == topic_volume())
