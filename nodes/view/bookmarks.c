@@ -10,21 +10,25 @@
 #include <string.h>
 
 #include "nodes/rt/export_file.h"
+#include "nodes/rt/log_line.h"
 
 #define ENDING      ".bookmarks"
 #define LATEST_S    1e9
 #define SAME_S      5e-4 /* times are written to a millisecond */
 #define LINE_LENGTH 200
 
-/* Nothing that would be a line's end, or hidden in a list. */
+/* Nothing that would be a line's end, or that no page could show: it would be missing in
+ * its list. */
 static bool is_name(const char *text)
 {
+    char clean[BOOKMARK_NAME_SIZE];
     size_t n = strlen(text);
 
-    for (size_t i = 0; i < n; i++)
-        if ((unsigned char)text[i] < ' ' || text[i] == 0x7f)
-            return false;
-    return n && n < BOOKMARK_NAME_SIZE && text[0] != ' ';
+    if (!n || n >= sizeof clean || text[0] == ' ')
+        return false;
+    memcpy(clean, text, n + 1);
+    log_text_clean(clean);
+    return !strcmp(clean, text);
 }
 
 static bool is_time(double at_s)
@@ -66,8 +70,8 @@ static int take_line(struct bookmarks *b, char *line, unsigned number, struct er
     char *name = end + strspn(end, " \t");
     if (end == line || name == end || !is_time(at_s) || !is_name(name))
         return error_say(why, -EINVAL,
-                         "%s:%u: expected seconds and a name of up to %d bytes, like "
-                         "12.34 cyclist",
+                         "%s:%u: expected seconds and a name of up to %d bytes of "
+                         "UTF-8, like 12.34 cyclist",
                          b->path, number, BOOKMARK_NAME_SIZE - 1);
     if (b->n == BOOKMARKS_MOST)
         return error_say(why, -EINVAL, "%s:%u: more than %d bookmarks", b->path, number,

@@ -28,9 +28,9 @@ struct bookmarks { /* starts as {0} */
  * the list is empty then, and the file is left alone), -ENOMEM, errors of files. */
 int bookmarks_read(struct bookmarks *b, const char *bag, struct error *why);
 
-/* Writes the file anew.  0, -EINVAL (a time below 0, or a name that is empty, too long or
- * has control characters), -ENOSPC (too many), -ENOENT (none at that time), -ENOMEM,
- * errors of files; then all is as before. */
+/* Writes the file anew.  0, -EINVAL (a time below 0, or a name that is empty, too long,
+ * not UTF-8 or has control characters), -ENOSPC (too many), -ENOENT (none at that time),
+ * -ENOMEM, errors of files; then all is as before. */
 int bookmarks_add(struct bookmarks *b, double at_s, const char *name, struct error *why);
 int bookmarks_remove(struct bookmarks *b, double at_s, struct error *why);
 void bookmarks_clear(struct bookmarks *b);

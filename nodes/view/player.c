@@ -7,6 +7,7 @@
 #include <stdlib.h>
 
 #include "hal/clock.h"
+#include "nodes/rt/log_line.h"
 #include "nodes/rt/stop.h"
 #include "nodes/view/bookmarks.h"
 
@@ -67,6 +68,8 @@ static json_t *bookmarks_json(const struct player *p)
 static void tell_place(struct player *p)
 {
     pthread_mutex_lock(&p->lock);
+    log_text_clean(p->wrong.text); /* they name files: without UTF-8 there is no JSON */
+    log_text_clean(p->unmarked.text);
     json_t *state = json_pack(
         "{ss sI sI sI sf sO ss so sb ss}", "type", "timeline", "start_ms",
         (json_int_t)(p->start_ns / 1000000), "span_us",

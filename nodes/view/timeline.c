@@ -7,6 +7,7 @@
 
 #include "msgs/bag/manifest.h"
 #include "msgs/unpack.h"
+#include "nodes/rt/log_line.h"
 #include "nodes/view/timeline_state.h"
 
 #define MOST_IMAGES 1000
@@ -219,6 +220,8 @@ bool timeline_saved(const struct timeline *t, int64_t *at_ns, char *reason, size
         }
     }
     bytes_free(&bytes);
+    if (found)
+        log_text_clean(reason); /* cut off, maybe in the middle of a character */
     return found;
 }
 

@@ -84,6 +84,7 @@ static void what_is_no_bookmark_is_refused_and_the_file_left_alone(void **state)
         "nan never",
         "1e300 late",
         "1 a\x01b",
+        "1 B\xe4r", /* Latin 1 */
         "1 0123456789012345678901234567890123456789012345678901234567890123456789"
         "0123456789x"};
     char long_line[400];
@@ -120,6 +121,7 @@ static void a_name_or_time_that_is_none_is_not_added(void **state)
     assert_int_equal(bookmarks_add(&b, 1.0, name, &why), -EINVAL);
     assert_int_equal(bookmarks_add(&b, 1.0, "", &why), -EINVAL);
     assert_int_equal(bookmarks_add(&b, 1.0, "two\nlines", &why), -EINVAL);
+    assert_int_equal(bookmarks_add(&b, 1.0, "B\xe4r", &why), -EINVAL);
     assert_int_equal(bookmarks_add(&b, -1.0, "early", &why), -EINVAL);
     assert_int_equal(bookmarks_add(&b, NAN, "never", &why), -EINVAL);
     assert_int_equal(access(b.path, F_OK), -1);

@@ -318,7 +318,7 @@ static void a_bag_of_the_last_seconds_says_when_and_why(void **state)
     assert_int_equal(bag_writer_create(&b.writer, scratch_path(s, "s"), &cfg, &why), 0);
     assert_int_equal(bag_topics_create(&b.topics, b.writer), 0);
     put_line(&b, 1);
-    bag_map_put(&map, bytes_of("reason"), bytes_of("cyclist behind the bus"));
+    bag_map_put(&map, bytes_of("reason"), bytes_of("cyclist behind an \xc3\xa4lm"));
     bag_map_put(&map, bytes_of("at_ns"), bytes_of("1795000000123456789"));
     const struct bag_metadata m = {.name = bytes_of("anlos.snapshot"),
                                    .metadata = bytes_in(&map)};
@@ -328,7 +328,7 @@ static void a_bag_of_the_last_seconds_says_when_and_why(void **state)
     assert_int_equal(bag_writer_close(b.writer, &why), 0);
     assert_int_equal(timeline_open(&t, s->path, &why), 0);
     assert_true(timeline_saved(t, &at_ns, reason, sizeof reason));
-    assert_string_equal(reason, "cyclist behind the ");
+    assert_string_equal(reason, "cyclist behind an ?"); /* half a character is none */
     assert_true(at_ns == 1795000000123456789);
     timeline_close(t);
     write_bag(scratch_path(s, "bag.mcap"), BAG_NONE);
