@@ -2,6 +2,7 @@
 #include "nodes/array/acquisition.h"
 
 #include <errno.h>
+#include <inttypes.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -25,6 +26,7 @@
 #define LINE_STEADY_NS 140000000LL
 #define LINE_FIRST_NS  300000000LL /* for so long the scan's own line will do */
 #define MOST_OFF_M     1e-3
+#define MOST_M         100.0 /* of a place or a speed in a command: no stage has more */
 
 struct shot {
     Anlos__FireCommand command; /* without its speakers */
@@ -135,6 +137,12 @@ static int check_command(const struct acquisition *s, const Anlos__FireCommand *
                          "fire %u: %u rounds from position %u on of %zu; expected a "
                          "survey that is continuous, and has them",
                          c->id, c->n_rounds, c->position, s->survey->n_stage_positions_m);
+    if (c->n_rounds && !(c->start_ns >= 0 && c->start_ns <= INT64_MAX / 2 &&
+                         fabs(c->stage_m) <= MOST_M && fabs(c->speed_m_s) <= MOST_M))
+        return error_say(why, -EINVAL,
+                         "fire %u: rounds from %g m on at %g m/s and %" PRId64 " ns; "
+                         "expected up to %g m and m/s, and a time since 1970",
+                         c->id, c->stage_m, c->speed_m_s, c->start_ns, MOST_M);
     if ((!c->n_speakers && !c->endless) || c->n_speakers > s->survey->n_speakers_m)
         return error_say(why, -EINVAL, "fire %u: %zu speakers of %zu", c->id,
                          c->n_speakers, s->survey->n_speakers_m);

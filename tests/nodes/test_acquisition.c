@@ -392,6 +392,34 @@ static void rounds_that_the_survey_does_not_have_are_refused(void **state)
                                   "survey that is continuous, and has them");
 }
 
+static void rounds_of_no_place_speed_or_time_are_refused(void **state)
+{
+    static const struct {
+        double stage_m, speed_m_s;
+        int64_t start_ns;
+    } cases[] = {
+        {NAN, SPEED_M_S, START_NS}, {1e9, SPEED_M_S, START_NS}, {0, NAN, START_NS},
+        {0, -INFINITY, START_NS},   {0, SPEED_M_S, INT64_MIN},  {0, SPEED_M_S, INT64_MAX},
+    };
+    struct rig *r = *state;
+    uint32_t speakers[] = {0, 1, 2, 3};
+
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        Anlos__FireCommand c = ANLOS__FIRE_COMMAND__INIT;
+        struct error why = {""};
+        c.id = 1;
+        c.pass = ANLOS__PASS__SCENE;
+        c.n_rounds = 2;
+        c.stage_m = cases[i].stage_m;
+        c.speed_m_s = cases[i].speed_m_s;
+        c.start_ns = cases[i].start_ns;
+        c.speakers = speakers;
+        c.n_speakers = 4;
+        assert_int_equal(acquisition_fire(r->acquisition, &c, 77, &why), -EINVAL);
+        assert_non_null(strstr(why.text, "fire 1: rounds from "));
+    }
+}
+
 static void a_command_sent_again_is_not_fired_again(void **state)
 {
     struct rig *r = *state;
@@ -633,6 +661,7 @@ int main(void)
         MOVING(other_ways_of_the_stage_do_not_count),
         MOVING(without_a_time_pings_are_where_the_survey_has_them),
         MOVING(rounds_that_the_survey_does_not_have_are_refused),
+        MOVING(rounds_of_no_place_speed_or_time_are_refused),
         FIXED(a_shot_without_end_goes_on_in_frames_until_another_is_queued),
         FIXED(a_recording_that_ends_by_itself_is_told),
         FIXED(a_shot_without_end_is_stopped_by_one_without_speakers),
