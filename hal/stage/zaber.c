@@ -167,6 +167,23 @@ static int fail(struct zaber_drive *z, int err)
     return err;
 }
 
+/* 0: its own.  The device keeps what is set, also when it is switched off: its own is set
+ * again before anything else. */
+static int set_speed(struct zaber_drive *z, double speed_m_s, char text[STAGE_TEXT_SIZE])
+{
+    struct zaber_message m;
+    double speed = speed_m_s > 0 ? speed_m_s / z->m_per_step * SPEED_UNIT : z->speed;
+
+    if (!z->slowed && !(speed_m_s > 0))
+        return 0;
+    z->slowed = true; /* also when its answer is lost */
+    int err = zaber_port_ask(&z->port, &m, "set maxspeed %lld", llround(speed));
+    if (err)
+        return error_say_of(err, "set maxspeed", &m, text);
+    z->slowed = speed_m_s > 0;
+    return 0;
+}
+
 /* Its warnings of before are forgotten, or they would end this too. */
 static int start_homing(struct zaber_drive *z, char text[STAGE_TEXT_SIZE])
 {
@@ -174,6 +191,8 @@ static int start_homing(struct zaber_drive *z, char text[STAGE_TEXT_SIZE])
     struct zaber_message m;
     int err = zaber_port_reopen(&z->port);
 
+    if (!err && (err = set_speed(z, 0, text)))
+        return err;
     for (int i = 0; i < 2 && !err; i++) {
         err = zaber_port_ask(&z->port, &m, "%s", commands[i]);
         if (err)
@@ -195,22 +214,6 @@ static int zaber_drive_home(void *drive, char text[STAGE_TEXT_SIZE])
         return fail(z, err);
     z->homed = true;
     z->homings++;
-    return 0;
-}
-
-/* 0: its own.  The device keeps what is set, also when it is switched off: its own is set
- * again before anything else. */
-static int set_speed(struct zaber_drive *z, double speed_m_s, char text[STAGE_TEXT_SIZE])
-{
-    struct zaber_message m;
-    double speed = speed_m_s > 0 ? speed_m_s / z->m_per_step * SPEED_UNIT : z->speed;
-
-    if (!z->slowed && !(speed_m_s > 0))
-        return 0;
-    int err = zaber_port_ask(&z->port, &m, "set maxspeed %lld", llround(speed));
-    if (err)
-        return error_say_of(err, "set maxspeed", &m, text);
-    z->slowed = speed_m_s > 0;
     return 0;
 }
 

@@ -287,6 +287,21 @@ static void silence_in_a_move_is_a_fault_and_it_is_told_to_stop(void **state)
     finish(s, d);
 }
 
+static void a_fault_on_a_slow_move_leaves_it_no_slower(void **state)
+{
+    struct zaber_device *d = zaber_device_start(true);
+    struct stage *s = open_stage(d, "");
+    (void)state;
+    d->stall_at = 75000;
+    assert_int_equal(stage_move_at(s, 0.4, 0.05), 0);
+    assert_fault(s, "stalled and stopped (FS)");
+    d->stall_at = 0;
+    assert_int_equal(stage_home(s), 0);
+    assert_idle_at(s, 0);
+    assert_int_equal(d->speed, 400000);
+    finish(s, d);
+}
+
 static void a_stall_is_a_fault_until_it_is_homed(void **state)
 {
     struct zaber_device *d = zaber_device_start(true);
@@ -501,6 +516,7 @@ int main(void)
         cmocka_unit_test(answers_that_stay_away_or_are_garbled_are_asked_for_again),
         cmocka_unit_test(a_device_that_never_answers_is_named),
         cmocka_unit_test(silence_in_a_move_is_a_fault_and_it_is_told_to_stop),
+        cmocka_unit_test(a_fault_on_a_slow_move_leaves_it_no_slower),
         cmocka_unit_test(a_stall_is_a_fault_until_it_is_homed),
         cmocka_unit_test(a_warning_is_noted_and_counted_once_and_moves_go_on),
         cmocka_unit_test(a_restart_in_a_move_loses_the_place),
