@@ -412,6 +412,7 @@ int command_sim(int argc, char **argv)
         err = firing_from_device(&o.firing, &d, &why);
     if (err) {
         fprintf(stderr, "anlos sim: %s\n", why.text);
+        device_clear(&d);
         return EXIT_BAD_INPUT;
     }
     o.scene = d.path;
