@@ -315,8 +315,6 @@ static void codes_are_cleared_one_or_all(void **state)
         check_row(&m, &refused[i], false);
 }
 
-/* Not supported (11), sub-function not supported (12) and out of range (31) are not said
- * to who asked all; what was done is, and what was wrong in itself. */
 static void a_self_test_is_started_and_tells_what_it_found(void **state)
 {
     static const struct row rows[] = {
@@ -335,7 +333,7 @@ static void a_self_test_is_started_and_tells_what_it_found(void **state)
         bool begun;
         struct row row;
     } steps[] = {
-        /* Image stale is none of the elements; ten seconds before the sensor has begun.
+        /* Ten seconds before the sensor has begun; a stale image is none of the elements.
          */
         {10 * S, 0, false, {"31 03 F0 01", "71 03 F0 01 02 00 00"}},
         {20 * S,
@@ -374,6 +372,8 @@ static void a_self_test_is_started_and_tells_what_it_found(void **state)
     check_row(&m, &(struct row){"31 03 F0 01", "7F 31 24"}, false);
 }
 
+/* Not supported (11), sub-function not supported (12) and out of range (31) are not said
+ * to who asked all; what was done is, and what was wrong in itself. */
 static void who_asks_all_hears_of_those_alone_that_can(void **state)
 {
     static const struct row rows[] = {
