@@ -6,7 +6,10 @@ void turn_start(struct turn *t, const struct array_shot *shot, int64_t now_ns)
     *t = (struct turn){.n_speakers = shot->n_speakers,
                        .endless = shot->endless,
                        .continuous = shot->n_rounds > 0,
-                       .fired_ns = now_ns};
+                       .paced = shot->endless || (shot->n_rounds && shot->start_ns),
+                       .start_ns = now_ns};
+    if (shot->n_rounds && shot->start_ns > now_ns)
+        t->start_ns = shot->start_ns;
 }
 
 void turn_advance(struct turn *t)
@@ -39,9 +42,9 @@ int turn_wait(const struct turn *t, const struct survey *s, size_t n_ping,
 {
     double start = (double)turn_slot(t, s) * (double)s->slot_samples;
     *t0_ns = clock_now_ns(clock);
-    if (!t->endless)
+    if (!t->paced)
         return 0;
-    *t0_ns = t->fired_ns + (int64_t)(1e9 * start / s->sample_rate_hz);
+    *t0_ns = t->start_ns + (int64_t)(1e9 * start / s->sample_rate_hz);
     int64_t end_ns = *t0_ns + (int64_t)(1e9 * (double)n_ping / s->sample_rate_hz);
     int err = clock->sleep_until_ns(clock->state, end_ns);
     return err ? error_say(why, err, "the wait for a ping was interrupted") : 0;

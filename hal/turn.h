@@ -17,9 +17,10 @@
 struct turn {
     size_t n_speakers; /* of the shot */
     bool endless, continuous;
-    size_t next;  /* emission of the round */
-    size_t round; /* from 0 */
-    int64_t fired_ns;
+    size_t next;      /* emission of the round */
+    size_t round;     /* from 0 */
+    bool paced;       /* each has a time of its own */
+    int64_t start_ns; /* then of the first */
 };
 
 void turn_start(struct turn *t, const struct array_shot *shot, int64_t now_ns);
@@ -32,8 +33,9 @@ void turn_go(struct turn *t, const struct survey *s, size_t slot);
 /* The round, from 1, of an endless or continuous shot; else 0. */
 uint32_t turn_frame(const struct turn *t);
 
-/* Of an endless shot: waits until n_ping samples of the next emission would be recorded.
- * *t0_ns: when the first one is, or now.  0, -EINTR. */
+/* Of an endless shot, or a continuous one whose stage goes on (start_ns): waits until
+ * n_ping samples of the next emission would be recorded.  *t0_ns: when the first one is,
+ * or now.  0, -EINTR. */
 int turn_wait(const struct turn *t, const struct survey *s, size_t n_ping,
               const struct clock_source *clock, int64_t *t0_ns, struct error *why);
 

@@ -272,7 +272,7 @@ static int wait_for(const struct array_wav *a, uint64_t sample, int64_t *t0_ns,
                     struct error *why)
 {
     double rate_hz = a->survey.sample_rate_hz;
-    *t0_ns = a->turn.fired_ns + (int64_t)(1e9 * (double)sample / rate_hz);
+    *t0_ns = a->turn.start_ns + (int64_t)(1e9 * (double)sample / rate_hz);
     int64_t end_ns = *t0_ns + (int64_t)(1e9 * (double)a->n_ping / rate_hz);
     int err = a->clock->sleep_until_ns(a->clock->state, end_ns);
     return err ? error_say(why, err, "the wait for a ping was interrupted") : 0;
