@@ -116,14 +116,26 @@ int tensor_shuffle(Anlos__Tensor *t)
     return 0;
 }
 
-int tensor_unshuffle(Anlos__Tensor *t)
+/* Of a tensor's type; N_WHOLE: it is of none. */
+static size_t step_of(const Anlos__Tensor *t)
 {
-    size_t n = t->data.len / 4, k = 0;
+    size_t k = 0;
 
     while (k < N_WHOLE && t->type != whole[k].type)
         k++;
-    if ((k == N_WHOLE && t->type != ANLOS__TENSOR__TYPE__SHUFFLED_FLOAT32) || !n ||
-        t->data.len % 4)
+    return k;
+}
+
+static int is_shuffled(Anlos__Tensor *t)
+{
+    return step_of(t) < N_WHOLE || t->type == ANLOS__TENSOR__TYPE__SHUFFLED_FLOAT32;
+}
+
+int tensor_unshuffle(Anlos__Tensor *t)
+{
+    size_t n = t->data.len / 4, k = step_of(t);
+
+    if (!is_shuffled(t) || !n || t->data.len % 4)
         return 0;
     uint8_t *out = malloc(t->data.len);
     if (!out)
@@ -167,6 +179,11 @@ int message_shuffle(ProtobufCMessage *m)
 int message_unshuffle(ProtobufCMessage *m)
 {
     return each_tensor(m, tensor_unshuffle);
+}
+
+bool message_is_shuffled(ProtobufCMessage *m)
+{
+    return each_tensor(m, is_shuffled) != 0;
 }
 
 int payload_shuffle(struct bytes_buffer *out, const ProtobufCMessageDescriptor *schema,

@@ -25,6 +25,9 @@ int tensor_unshuffle(Anlos__Tensor *t);
 int message_shuffle(ProtobufCMessage *m);
 int message_unshuffle(ProtobufCMessage *m);
 
+/* Is any of them? */
+bool message_is_shuffled(ProtobufCMessage *m);
+
 /* Replaces what is in out by the payload, with its tensors shuffled or not, whatever they
  * were.  0, -EINVAL (none by the schema), -ENOMEM. */
 int payload_shuffle(struct bytes_buffer *out, const ProtobufCMessageDescriptor *schema,

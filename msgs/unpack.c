@@ -135,8 +135,8 @@ static void give_back(void *failed, void *p)
     free(p);
 }
 
-ProtobufCMessage *message_unpack(const ProtobufCMessageDescriptor *schema, size_t size,
-                                 const uint8_t *data)
+ProtobufCMessage *message_unpack_as_it_is(const ProtobufCMessageDescriptor *schema,
+                                          size_t size, const uint8_t *data)
 {
     struct budget b = {.left = UNPACK_SPARE_BYTES};
     bool failed = false;
@@ -152,10 +152,17 @@ ProtobufCMessage *message_unpack(const ProtobufCMessageDescriptor *schema, size_
     ProtobufCMessage *m = protobuf_c_message_unpack(schema, &heap, size, data);
     if (!m)
         errno = failed ? ENOMEM : EBADMSG;
-    else if (message_unshuffle(m)) {
-        protobuf_c_message_free_unpacked(m, NULL);
-        m = NULL;
-        errno = ENOMEM;
-    }
     return m;
+}
+
+ProtobufCMessage *message_unpack(const ProtobufCMessageDescriptor *schema, size_t size,
+                                 const uint8_t *data)
+{
+    ProtobufCMessage *m = message_unpack_as_it_is(schema, size, data);
+
+    if (!m || !message_unshuffle(m))
+        return m;
+    protobuf_c_message_free_unpacked(m, NULL);
+    errno = ENOMEM;
+    return NULL;
 }

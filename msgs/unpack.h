@@ -20,4 +20,8 @@
 ProtobufCMessage *message_unpack(const ProtobufCMessageDescriptor *schema, size_t size,
                                  const uint8_t *data);
 
+/* The same, with its tensors as they are. */
+ProtobufCMessage *message_unpack_as_it_is(const ProtobufCMessageDescriptor *schema,
+                                          size_t size, const uint8_t *data);
+
 #endif

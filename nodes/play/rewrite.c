@@ -4,7 +4,9 @@
 #include <errno.h>
 #include <string.h>
 
+#include "msgs/bag/topic_message.h"
 #include "msgs/convert.h"
+#include "msgs/shuffle.h"
 #include "msgs/tensor.pb-c.h"
 #include "msgs/unpack.h"
 #include "recon/survey.h"
@@ -69,11 +71,19 @@ int rewrite(const struct topic *t, uint32_t scan_base, uint64_t survey_id,
 
     if (source && source->descriptor != &anlos__source__descriptor)
         source = NULL;
-    if (!scan && !source && !missing)
+    bool changes = scan || source || missing;
+    if (!changes && !bag_topic_is_shuffled(t))
         return 0;
-    ProtobufCMessage *m = message_unpack(t->schema, payload->size, payload->data);
+    ProtobufCMessage *m =
+        message_unpack_as_it_is(t->schema, payload->size, payload->data);
     if (!m)
-        return errno == ENOMEM ? -ENOMEM : -EPROTO;
+        return errno == ENOMEM ? -ENOMEM : changes ? -EPROTO : 0;
+    int err = 0;
+    if (!changes && !message_is_shuffled(m))
+        goto message;
+    err = message_unshuffle(m);
+    if (err)
+        goto message;
     if (scan)
         *at(m, scan) += scan_base;
     if (missing && !*(uint64_t *)(void *)((char *)m + missing->offset))
@@ -82,7 +92,8 @@ int rewrite(const struct topic *t, uint32_t scan_base, uint64_t survey_id,
         survey_complete_id((Anlos__Survey *)m);
     if (source)
         *at(m, source) = ANLOS__SOURCE__REPLAY;
-    int err = pack(m, payload, into);
+    err = pack(m, payload, into);
+message:
     protobuf_c_message_free_unpacked(m, NULL);
     return err;
 }

@@ -1,7 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 /* nodes/play/rewrite.h -- what is said otherwise than it was recorded: that it is a
  * replay, where a bag is played more than once the number of the scan, and which survey
- * it is of, where another program recorded it without saying so. */
+ * it is of, where another program recorded it without saying so.  Sound and images that
+ * were shuffled for the bag (msgs/shuffle.h) are float32 again, as everybody on the bus
+ * expects them. */
 #ifndef ANLOS_NODES_PLAY_REWRITE_H
 #define ANLOS_NODES_PLAY_REWRITE_H
 

@@ -5,6 +5,8 @@
 #include <math.h>
 
 #include "msgs/detections.pb-c.h"
+#include "msgs/shuffle.h"
+#include "msgs/tensor.h"
 #include "nodes/play/bag_iterator.h"
 #include "nodes/play/rewrite.h"
 
@@ -205,6 +207,34 @@ static void what_says_of_no_survey_is_of_the_newest(void **state)
 
 #define TEST(f) cmocka_unit_test_setup_teardown(f, scratch_open, scratch_close)
 
+/* Who hears it may be of before; and who records it has not asked for it. */
+static void what_was_shuffled_for_the_bag_is_played_as_it_was(void **state)
+{
+    const float x[] = {0.5f, -0.25f, 0.1f, 3e-5f};
+    struct bytes_buffer shuffled = {0}, into = {0};
+    Anlos__Ping p = ANLOS__PING__INIT;
+    struct tensor_view view;
+    uint8_t packed[200];
+
+    (void)state;
+    p.survey_id = 77;
+    p.samples = tensor_borrow_f32(&view, x, 2, (size_t)1, (size_t)4);
+    const struct bytes plain = {packed, anlos__ping__pack(&p, packed)};
+    assert_int_equal(payload_shuffle(&shuffled, &anlos__ping__descriptor, plain, true),
+                     0);
+    struct bytes payload = bytes_in(&shuffled);
+    assert_int_equal(rewrite(topic_ping(), 0, 77, &payload, &into), 0);
+    assert_true(bytes_equal(payload, plain));
+    payload = plain;
+    assert_int_equal(rewrite(topic_ping(), 0, 77, &payload, &into), 0);
+    assert_ptr_equal(payload.data, packed);
+    payload.size = 5; /* is none: whoever hears it says so */
+    assert_int_equal(rewrite(topic_ping(), 0, 77, &payload, &into), 0);
+    assert_ptr_equal(payload.data, packed);
+    bytes_free(&shuffled);
+    bytes_free(&into);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -214,6 +244,7 @@ int main(void)
         TEST(a_foreign_name_can_be_given_a_topic),
         TEST(a_replay_says_so_and_counts_its_scans_on),
         TEST(what_says_of_no_survey_is_of_the_newest),
+        TEST(what_was_shuffled_for_the_bag_is_played_as_it_was),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
