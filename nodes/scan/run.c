@@ -4,37 +4,37 @@
 #include <math.h>
 #include <stdio.h>
 
-/* Before the first round the stage gets up to speed, says so three times or more, and the
- * array has time to hear of it. */
-#define RUN_UP_S     0.3
-#define ACCELERATION 0.5 /* m/s2, that a stage is taken to have; who is slower */
-#define MORE_RUN_UP  1.8 /* goes back, and begins so much farther off, */
-#define MOST_TRIES   3
-#define MOST_LATE    20
-#define RUN_OUT_S    0.1 /* behind the last slot, for its echoes, before it brakes */
-#define EARLY_NS     200000000LL /* before the first slot, to tell the array, */
-#define LATEST_NS    50000000LL  /* at the latest */
-#define SPEED_OFF    0.02        /* that a steady stage may be off its speed */
-#define FIT_NS       300000000LL
-#define EXACT_OFF    0.005      /* of one whose reports are exact, */
-#define EXACT_M      1e-5       /* and how far they lie beside a line */
-#define STEADY_NS    90000000LL /* that the reports must span */
+#include "recon/planning/scan_plan.h"
+
+/* In its run-up the stage says three times or more that it is at its speed, and the array
+ * has time to hear of it.  One that takes longer to get there goes back, and begins so
+ * much farther off. */
+#define MORE_RUN_UP 1.8
+#define MOST_TRIES  3
+#define MOST_LATE   20
+#define EARLY_NS    200000000LL /* before the first slot, to tell the array, */
+#define LATEST_NS   50000000LL  /* at the latest */
+#define SPEED_OFF   0.02        /* that a steady stage may be off its speed */
+#define FIT_NS      300000000LL
+#define EXACT_OFF   0.005      /* of one whose reports are exact, */
+#define EXACT_M     1e-5       /* and how far they lie beside a line */
+#define STEADY_NS   90000000LL /* that the reports must span */
 
 void run_begin(struct run *r, double first_m, double end_m, double speed_m_s)
 {
     double s = fabs(speed_m_s);
 
     *r = (struct run){.speed_m_s = speed_m_s, .first_m = first_m, .end_m = end_m};
-    r->run_up_m = RUN_UP_S * s + s * s / (2.0 * ACCELERATION);
+    r->run_up_m = SCAN_RUN_UP_S * s + s * s / (2.0 * SCAN_RUN_UP_M_S2);
     r->go_m = first_m - copysign(r->run_up_m, speed_m_s);
 }
 
 void run_room(const struct run *r, double room_m[2])
 {
-    double ramp_m = r->run_up_m - RUN_UP_S * fabs(r->speed_m_s);
+    double ramp_m = r->run_up_m - SCAN_RUN_UP_S * fabs(r->speed_m_s);
 
     room_m[0] = r->first_m - copysign(r->run_up_m, r->speed_m_s);
-    room_m[1] = r->end_m + RUN_OUT_S * r->speed_m_s + copysign(ramp_m, r->speed_m_s);
+    room_m[1] = r->end_m + SCAN_RUN_OUT_S * r->speed_m_s + copysign(ramp_m, r->speed_m_s);
 }
 
 void run_stands(struct run *r)

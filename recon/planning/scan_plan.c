@@ -8,11 +8,6 @@
 
 #include "recon/tail.h"
 
-/* As nodes/scan/run.c has it. */
-#define RUN_UP_S  0.3
-#define RUN_UP_A  0.5 /* m/s2 */
-#define RUN_OUT_S 0.1
-
 #define SLOT_STEP 16   /* samples */
 #define GAIN_LOST 2.7  /* Hann's window, spreading, `fast`'s weights; measured by Pd */
 #define AS_GOOD   1.05 /* times an error is no worse */
@@ -31,15 +26,15 @@ static double move_s(const struct scan_stage *stage, double m)
 
 static double ramp_m(double speed_m_s)
 {
-    return speed_m_s * speed_m_s / (2.0 * RUN_UP_A);
+    return speed_m_s * speed_m_s / (2.0 * SCAN_RUN_UP_M_S2);
 }
 
 static void find_room(double room_m[2], const struct survey *s)
 {
     double v = survey_speed_m_s(s), first_m = s->stage_positions_m[0];
     double end_m = first_m + v * survey_duration_s(s);
-    room_m[0] = first_m - copysign(RUN_UP_S * fabs(v) + ramp_m(v), v);
-    room_m[1] = end_m + copysign(RUN_OUT_S * fabs(v) + ramp_m(v), v);
+    room_m[0] = first_m - copysign(SCAN_RUN_UP_S * fabs(v) + ramp_m(v), v);
+    room_m[1] = end_m + copysign(SCAN_RUN_OUT_S * fabs(v) + ramp_m(v), v);
 }
 
 static bool reaches(const struct scan_stage *stage, const double room_m[2])
@@ -59,7 +54,7 @@ static double pass_s(const struct survey *s, const struct scan_stage *stage)
         return pings_s + (last + 1.0) * tail_s +
                last * (move_s(stage, way_m / last) + stage->settle_s);
     double v = fabs(survey_speed_m_s(s));
-    double run_up_m = RUN_UP_S * v + ramp_m(v);
+    double run_up_m = SCAN_RUN_UP_S * v + ramp_m(v);
     return move_s(stage, run_up_m) + stage->settle_s + v / stage->acceleration_m_s2 +
            (run_up_m - v * v / (2.0 * stage->acceleration_m_s2)) / v + pings_s + tail_s;
 }

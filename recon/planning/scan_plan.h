@@ -21,6 +21,13 @@
 
 #include "recon/planning/point_image.h"
 
+/* Of a stage that goes on (nodes/scan/run.h): before the first round it gets up to speed,
+ * with so much acceleration, and goes at that for so long; and so much longer behind the
+ * last slot, for its echoes, before it brakes. */
+#define SCAN_RUN_UP_M_S2 0.5
+#define SCAN_RUN_UP_S    0.3
+#define SCAN_RUN_OUT_S   0.1
+
 struct scan_stage { /* what it can do */
     double speed_m_s, acceleration_m_s2, settle_s;
     double reach_m[2]; /* from where to where it can be; both 0: anywhere */
