@@ -7,18 +7,15 @@
 #include "recon/planning/scan_plan.h"
 
 /* In its run-up the stage says three times or more that it is at its speed, and the array
- * has time to hear of it.  One that takes longer to get there goes back, and begins so
- * much farther off. */
-#define MORE_RUN_UP 1.8
-#define MOST_TRIES  3
-#define MOST_LATE   20
-#define EARLY_NS    200000000LL /* before the first slot, to tell the array, */
-#define LATEST_NS   50000000LL  /* at the latest */
-#define SPEED_OFF   0.02        /* that a steady stage may be off its speed */
-#define FIT_NS      300000000LL
-#define EXACT_OFF   0.005      /* of one whose reports are exact, */
-#define EXACT_M     1e-5       /* and how far they lie beside a line */
-#define STEADY_NS   90000000LL /* that the reports must span */
+ * has time to hear of it. */
+#define MOST_LATE 20
+#define EARLY_NS  200000000LL /* before the first slot, to tell the array, */
+#define LATEST_NS 50000000LL  /* at the latest */
+#define SPEED_OFF 0.02        /* that a steady stage may be off its speed */
+#define FIT_NS    300000000LL
+#define EXACT_OFF 0.005      /* of one whose reports are exact, */
+#define EXACT_M   1e-5       /* and how far they lie beside a line */
+#define STEADY_NS 90000000LL /* that the reports must span */
 
 void run_begin(struct run *r, double first_m, double end_m, double speed_m_s)
 {
@@ -67,14 +64,14 @@ static enum run_progress begin_again(struct run *r, bool late, double speed_m_s)
             r->late);
         return RUN_FAILED;
     }
-    if (!late && ++r->tries == MOST_TRIES) {
+    if (!late && ++r->tries == SCAN_RUN_TRIES) {
         snprintf(r->text, sizeof r->text,
                  "it does not get up to %.4f m/s within %.3f m (%.4f by its reports); is "
                  "its acceleration too small?",
                  fabs(r->speed_m_s), r->run_up_m, fabs(speed_m_s));
         return RUN_FAILED;
     }
-    r->run_up_m *= late ? 1.0 : MORE_RUN_UP;
+    r->run_up_m *= late ? 1.0 : SCAN_MORE_RUN_UP;
     r->stands = r->set_off = false;
     r->go_m = r->first_m - copysign(r->run_up_m, r->speed_m_s);
     return RUN_TO_START;

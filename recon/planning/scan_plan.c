@@ -24,17 +24,29 @@ static double move_s(const struct scan_stage *stage, double m)
     return m < v * v / a ? 2.0 * sqrt(m / a) : m / v + v / a;
 }
 
-static double ramp_m(double speed_m_s)
+#define STEADY_S 0.2 /* before the first round it must be seen to be at its speed */
+
+/* To a speed above 0.  INFINITY: it is not up to it in time, however often it is tried.
+ */
+static double run_up_m(const struct scan_stage *stage, double v)
 {
-    return speed_m_s * speed_m_s / (2.0 * SCAN_RUN_UP_M_S2);
+    double m = SCAN_RUN_UP_S * v + v * v / (2.0 * SCAN_RUN_UP_M_S2);
+    double least_m = STEADY_S * v + v * v / (2.0 * stage->acceleration_m_s2);
+    for (int tries = 1; m < least_m; tries++) {
+        if (tries == SCAN_RUN_TRIES)
+            return INFINITY;
+        m *= SCAN_MORE_RUN_UP;
+    }
+    return m;
 }
 
-static void find_room(double room_m[2], const struct survey *s)
+static void find_room(double room_m[2], const struct survey *s,
+                      const struct scan_stage *stage)
 {
     double v = survey_speed_m_s(s), first_m = s->stage_positions_m[0];
-    double end_m = first_m + v * survey_duration_s(s);
-    room_m[0] = first_m - copysign(SCAN_RUN_UP_S * fabs(v) + ramp_m(v), v);
-    room_m[1] = end_m + copysign(SCAN_RUN_OUT_S * fabs(v) + ramp_m(v), v);
+    double end_m = first_m + v * survey_duration_s(s), m = run_up_m(stage, fabs(v));
+    room_m[0] = first_m - copysign(m, v);
+    room_m[1] = end_m + copysign((SCAN_RUN_OUT_S - SCAN_RUN_UP_S) * fabs(v) + m, v);
 }
 
 static bool reaches(const struct scan_stage *stage, const double room_m[2])
@@ -53,10 +65,9 @@ static double pass_s(const struct survey *s, const struct scan_stage *stage)
     if (!s->continuous)
         return pings_s + (last + 1.0) * tail_s +
                last * (move_s(stage, way_m / last) + stage->settle_s);
-    double v = fabs(survey_speed_m_s(s));
-    double run_up_m = SCAN_RUN_UP_S * v + ramp_m(v);
-    return move_s(stage, run_up_m) + stage->settle_s + v / stage->acceleration_m_s2 +
-           (run_up_m - v * v / (2.0 * stage->acceleration_m_s2)) / v + pings_s + tail_s;
+    double v = fabs(survey_speed_m_s(s)), up_m = run_up_m(stage, v);
+    return move_s(stage, up_m) + stage->settle_s + v / stage->acceleration_m_s2 +
+           (up_m - v * v / (2.0 * stage->acceleration_m_s2)) / v + pings_s + tail_s;
 }
 
 /* -- the ways ---------------------------------------------------------------------------
@@ -101,7 +112,7 @@ static int time_of(const struct scan_plan_config *cfg, struct scan_way *w,
     w->time_s = pass_s(&s, &cfg->stage);
     w->speed_m_s = survey_speed_m_s(&s);
     if (s.continuous)
-        find_room(w->room_m, &s);
+        find_room(w->room_m, &s, &cfg->stage);
     survey_clear(&s);
     return 0;
 }
@@ -187,6 +198,11 @@ static int judge(const struct scan_plan *p, const struct scan_plan_config *cfg,
     int err = time_of(cfg, w, &inner);
     if (!err && fabs(w->speed_m_s) > cfg->stage.speed_m_s)
         err = error_say(&inner, -EINVAL, "the stage would have to go at %.3f m/s",
+                        fabs(w->speed_m_s));
+    if (!err && w->continuous && !isfinite(w->room_m[0]))
+        err = error_say(&inner, -EINVAL,
+                        "the stage would not be at %.3f m/s in time: its acceleration is "
+                        "too small",
                         fabs(w->speed_m_s));
     if (!err && w->continuous && !reaches(&cfg->stage, w->room_m))
         err = error_say(&inner, -EINVAL,

@@ -23,10 +23,13 @@
 
 /* Of a stage that goes on (nodes/scan/run.h): before the first round it gets up to speed,
  * with so much acceleration, and goes at that for so long; and so much longer behind the
- * last slot, for its echoes, before it brakes. */
+ * last slot, for its echoes, before it brakes.  One that is slower begins so many times
+ * as far off, and again; it is tried so often. */
 #define SCAN_RUN_UP_M_S2 0.5
 #define SCAN_RUN_UP_S    0.3
 #define SCAN_RUN_OUT_S   0.1
+#define SCAN_MORE_RUN_UP 1.8
+#define SCAN_RUN_TRIES   3
 
 struct scan_stage { /* what it can do */
     double speed_m_s, acceleration_m_s2, settle_s;

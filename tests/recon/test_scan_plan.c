@@ -191,6 +191,27 @@ static void a_stage_that_goes_on_has_room_to_get_up_to_speed(void **state)
     free(p);
 }
 
+/* 6 cm/s take 4.5 cm at 0.04 m/s2 and 1.2 to be sure: 2.16 and 3.9 are too little, and
+ * 7.0 will do.  At 1 mm/s2 1.8 m would have to. */
+static void a_slow_stage_begins_farther_off_or_cannot_go_on(void **state)
+{
+    (void)state;
+    struct survey s = with_volume();
+    struct scan_plan_config cfg = any(&s);
+    cfg.stage.acceleration_m_s2 = 0.04;
+    struct scan_plan *p = plan(cfg);
+    const struct scan_way *w = find(p, true, 3000, 1, 12);
+    assert_string_equal(w->why_not, "");
+    assert_near(w->room_m[0], -0.0216 * 1.8 * 1.8, 1e-9);
+    assert_near(w->room_m[1], 0.36 - 0.2 * 0.06 + 0.0216 * 1.8 * 1.8, 1e-9);
+    free(p);
+    cfg.stage.acceleration_m_s2 = 0.001;
+    p = plan(cfg);
+    assert_non_null(
+        strstr(find(p, true, 3000, 1, 12)->why_not, "would not be at 0.060 m/s in time"));
+    free(p);
+}
+
 static void where_there_is_no_time_nothing_will_do(void **state)
 {
     (void)state;
@@ -225,6 +246,7 @@ int main(void)
         cmocka_unit_test(half_the_positions_have_a_root_of_two_more_noise),
         cmocka_unit_test(a_stage_is_not_asked_for_more_than_it_can_do),
         cmocka_unit_test(a_stage_that_goes_on_has_room_to_get_up_to_speed),
+        cmocka_unit_test(a_slow_stage_begins_farther_off_or_cannot_go_on),
         cmocka_unit_test(where_there_is_no_time_nothing_will_do),
         cmocka_unit_test(an_array_that_stands_still_has_no_plan),
     };
