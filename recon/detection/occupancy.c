@@ -19,6 +19,7 @@
 #define LEAST_ODDS   0.1 /* of a block, to be looked at */
 #define MOST_SPREAD  0.4 /* of odds to either side in one go */
 #define AGE_S        1.0
+#define NOW_S        0.1    /* powers of a few pings, of which one may be anything */
 #define MOST_SIDE    0.16   /* of a source, where it is as far away for most... */
 #define FEW_SIDE     0.016  /* ...or for few of the elements */
 #define SIDE_M       0.3    /* the depth of a person, and the length of a smear */
@@ -60,7 +61,7 @@ struct occupancy {
     size_t n, n_rings;
     float *odds, *spread; /* [n] */
     float *power;         /* [n] over the median of noise... */
-    float *lately;        /* [n] ...and its mean */
+    float *now, *lately;  /* [n] ...and its means, of NOW_S and OCCUPANCY_LATELY_S */
     bool *held;           /* [n] */
     struct cfar_map *map;
     size_t *order, *ring_of; /* [n]: blocks by rings, and whose ring */
@@ -160,14 +161,16 @@ int occupancy_create(struct occupancy **out, const struct grid *blocks,
     o->odds = calloc(o->n, sizeof *o->odds);
     o->spread = calloc(o->n, sizeof *o->spread);
     o->power = calloc(o->n, sizeof *o->power);
+    o->now = calloc(o->n, sizeof *o->now);
     o->lately = calloc(o->n, sizeof *o->lately);
     o->held = calloc(o->n, sizeof *o->held);
     o->order = calloc(o->n, sizeof *o->order);
     o->ring_of = calloc(o->n, sizeof *o->ring_of);
     o->sorted = calloc(o->n, sizeof *o->sorted);
     int err = cfar_map_create(&o->map, o->n);
-    if (!err && (!o->odds || !o->spread || !o->power || !o->lately || !o->held ||
-                 !o->order || !o->ring_of || !o->sorted || !o->beside || !o->sights))
+    if (!err &&
+        (!o->odds || !o->spread || !o->power || !o->now || !o->lately || !o->held ||
+         !o->order || !o->ring_of || !o->sorted || !o->beside || !o->sights))
         err = -ENOMEM;
     if (!err) {
         look_from_array(o);
@@ -189,6 +192,7 @@ void occupancy_destroy(struct occupancy *o)
     free(o->odds);
     free(o->spread);
     free(o->power);
+    free(o->now);
     free(o->lately);
     free(o->held);
     free(o->order);
@@ -206,6 +210,7 @@ void occupancy_destroy(struct occupancy *o)
 void occupancy_reset(struct occupancy *o)
 {
     memset(o->odds, 0, o->n * sizeof *o->odds);
+    memset(o->now, 0, o->n * sizeof *o->now);
     memset(o->lately, 0, o->n * sizeof *o->lately);
     cfar_map_reset(o->map);
     o->began = false;
@@ -421,6 +426,7 @@ void occupancy_step(struct occupancy *o, const float *power, int64_t stamp_ns)
     measure_rings(o, power);
     look_beside(o, power);
     float share = (float)(1.0 - exp(-dt_s / OCCUPANCY_LATELY_S));
+    float now_share = (float)(1.0 - exp(-dt_s / NOW_S));
     double comes = dt_s / COMES_S / (double)o->n, stays = exp(-dt_s / STAYS_S);
     for (size_t i = 0; i < o->n; i++) {
         double level = o->level[o->ring_of[i]] + (double)o->beside[i];
@@ -433,6 +439,7 @@ void occupancy_step(struct occupancy *o, const float *power, int64_t stamp_ns)
                                         (1.0 + MAP_FACTOR * fmax(mostly, 0.0)));
         }
         o->odds[i] = (float)fmin(odds, MOST_ODDS);
+        o->now[i] += now_share * (o->power[i] - o->now[i]);
         o->lately[i] += share * (o->power[i] - o->lately[i]);
     }
     learn_shapes(o);
@@ -497,7 +504,7 @@ double occupancy_lately(const struct occupancy *o, const double at_m[3], double 
         if (geometry_distance(p_m, at_m) > reach_m)
             continue;
         lately = fmaxf(lately, o->lately[i]);
-        now = fmaxf(now, o->power[i]);
+        now = fmaxf(now, o->now[i]);
     }
     return now > 0.0f ? (double)(lately / now) : 0.0;
 }

@@ -23,8 +23,9 @@
 /* A background has of what was there for k of its n rounds a k-th of n, and leaves that
  * as a hole: of 28 dB over what is around, the most that is seen, during a fifth of it.
  * For images that do not tell by single pings how bright it was there. */
-#define REMAINS_DB 14.0
-#define PROVEN     0.95
+#define REMAINS_DB     14.0
+#define OVER_LATELY_DB 5.0
+#define PROVEN         0.95
 
 /* What came so far is something that moves, also when it stands. */
 #define TRAVELLED_M 0.6
@@ -290,13 +291,12 @@ static void hear(const struct sight *sight, const struct track_array *array,
 }
 
 /* The power that a background may have left where it is: what single pings have shown to
- * come may not be as faint as a hole is, but no brighter than it was there lately. */
+ * come may be as faint as a hole, but not where somebody was as bright lately. */
 static double remains(const struct object *o)
 {
-    double known_db = o->proven < PROVEN ? REMAINS_DB
-                                         : o->level_db + 10.0 * log10(o->lately + 1e-9);
+    double lately_db = o->level_db + 10.0 * log10(fmax(o->lately, 1e-9)) + OVER_LATELY_DB;
 
-    return pow(10.0, 0.1 * fmin(known_db, REMAINS_DB));
+    return pow(10.0, 0.1 * (o->proven < PROVEN ? REMAINS_DB : lately_db));
 }
 
 /* The wall's error is the same for all images: no filter takes it for noise.  It comes

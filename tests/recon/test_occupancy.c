@@ -224,6 +224,26 @@ static void it_knows_how_bright_it_was_there_lately(void **state)
     assert_near(occupancy_lately(r->o, at_m, 0.2), 1.0 - past + past * 0.01, 0.01);
 }
 
+/* One ping may be anything: of a mean of a tenth of a second it is a fifth. */
+static void one_ping_alone_is_not_what_is_there(void **state)
+{
+    struct rig *r = *state;
+    const double at_m[3] = {0.0, 0.0, 3.0};
+    double ping_s = 1e-9 * PING_NS, now = exp(-ping_s / 0.1);
+    double past = exp(-ping_s / OCCUPANCY_LATELY_S);
+
+    hear_noise(r, 400);
+    for (int k = 0; k < 2000; k++) {
+        for (int i = 0; i < BLOCKS; i++)
+            r->power[i] = 1.0f;
+        if (k == 1999)
+            show(r, at_m[0], at_m[2], 100.0f);
+        step(r);
+    }
+    double lately = past + (1.0 - past) * 100.0, is = now + (1.0 - now) * 100.0;
+    assert_near(occupancy_lately(r->o, at_m, 0.2), lately / is, 0.1 * lately / is);
+}
+
 static void what_is_not_newer_begins_anew(void **state)
 {
     struct rig *r = *state;
@@ -296,6 +316,7 @@ int main(void)
         TEST(what_is_always_there_is_nobody_new),
         TEST(what_looks_like_somebody_else_is_nobody),
         TEST(it_knows_how_bright_it_was_there_lately),
+        TEST(one_ping_alone_is_not_what_is_there),
         TEST(what_is_not_newer_begins_anew),
         TEST(what_was_not_imaged_tells_nothing),
         TEST(most_likely_comes_first_and_no_more_than_asked_for),
