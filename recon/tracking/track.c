@@ -112,7 +112,8 @@ static void predict_filter(const struct tracker *t, struct track *k, double dt_s
 
     model_psd(t, lost_psd, psd);
     if (k->models.begun)
-        track_models_predict(&k->models, dt_s, psd, &k->filter);
+        track_models_predict(&k->models, dt_s, k->state == TRACK_PREDICTED, psd,
+                             &k->filter);
     else
         track_filter_predict(&k->filter, dt_s, t->cfg.acceleration_psd_m2_s3 + lost_psd);
 }

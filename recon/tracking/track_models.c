@@ -4,14 +4,16 @@
 #include <math.h>
 #include <string.h>
 
-/* Every 10 s somebody stops, sets off or turns, and has done so within one. */
+/* Every 10 s somebody stops, sets off or turns, and has done so within one.  Who is lost
+ * does more often: behind a corner is where people stop. */
 #define CHANGES_HZ 0.1
+#define LOST_HZ    0.3
 #define KEEPS_HZ   1.0
 #define LEAST      1e-9 /* no model is ruled out for good */
 
-static double in_the_long_run(int model)
+static double in_the_long_run(int model, double changes_hz)
 {
-    double changes = CHANGES_HZ / (CHANGES_HZ + KEEPS_HZ);
+    double changes = changes_hz / (changes_hz + KEEPS_HZ);
 
     return model == TRACK_CHANGES_PACE ? changes : 1.0 - changes;
 }
@@ -20,7 +22,7 @@ void track_models_begin(struct track_models *m, const struct track_filter *f)
 {
     m->begun = true;
     for (int i = 0; i < TRACK_MODELS; i++) {
-        m->share[i] = in_the_long_run(i);
+        m->share[i] = in_the_long_run(i, CHANGES_HZ);
         m->of[i] = *f;
     }
 }
@@ -47,16 +49,17 @@ static void mix(const struct track_filter of[TRACK_MODELS],
 
 /* Each model goes on from what it may have been before: a Markov chain in continuous time
  * of two states forgets where it began. */
-static void interact(struct track_models *m, double dt_s)
+static void interact(struct track_models *m, double dt_s, double changes_hz)
 {
     const struct track_models was = *m;
-    double left = exp(-dt_s * (CHANGES_HZ + KEEPS_HZ));
+    double left = exp(-dt_s * (changes_hz + KEEPS_HZ));
 
     for (int j = 0; j < TRACK_MODELS; j++) {
         double from[TRACK_MODELS];
         m->share[j] = 0.0;
         for (int i = 0; i < TRACK_MODELS; i++) {
-            double to = (1.0 - left) * in_the_long_run(j) + (i == j ? left : 0.0);
+            double to = (1.0 - left) * in_the_long_run(j, changes_hz) +
+                        (i == j ? left : 0.0);
             from[i] = was.share[i] * to;
             m->share[j] += from[i];
         }
@@ -66,10 +69,10 @@ static void interact(struct track_models *m, double dt_s)
     }
 }
 
-void track_models_predict(struct track_models *m, double dt_s,
+void track_models_predict(struct track_models *m, double dt_s, bool lost,
                           const double psd_m2_s3[TRACK_MODELS], struct track_filter *out)
 {
-    interact(m, dt_s);
+    interact(m, dt_s, lost ? LOST_HZ : CHANGES_HZ);
     for (int i = 0; i < TRACK_MODELS; i++)
         track_filter_predict(&m->of[i], dt_s, psd_m2_s3[i]);
     mix(m->of, m->share, out);
@@ -126,8 +129,8 @@ void track_past_restore(struct track_past *p, int64_t seen_ns, int64_t now_ns,
     if (i == p->n)
         return;
     struct track_models past = p->list[i].models;
-    track_models_predict(&past, 1e-9 * (double)(now_ns - p->list[i].at_ns), psd_m2_s3,
-                         &then);
+    track_models_predict(&past, 1e-9 * (double)(now_ns - p->list[i].at_ns), true,
+                         psd_m2_s3, &then);
     p->n = 0;
     if (speed_m2_s2(&then) > speed_m2_s2(out) + 2.0 * LESS_M_S * LESS_M_S)
         return;

@@ -29,9 +29,10 @@ struct track_models {
 /* All the same, as likely as they are in the long run. */
 void track_models_begin(struct track_models *m, const struct track_filter *f);
 
-/* psd_m2_s3: of what changes its pace and what keeps it, dt_s >= 0.  *out is the mean of
- * all, with what they disagree by in its covariance. */
-void track_models_predict(struct track_models *m, double dt_s,
+/* psd_m2_s3: of what changes its pace and what keeps it, dt_s >= 0.  lost: it was not
+ * heard the last time.  *out is the mean of all, with what they disagree by in its
+ * covariance. */
+void track_models_predict(struct track_models *m, double dt_s, bool lost,
                           const double psd_m2_s3[TRACK_MODELS], struct track_filter *out);
 void track_models_update(struct track_models *m, const struct track_position *p,
                          struct track_filter *out);

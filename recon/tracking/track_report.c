@@ -11,6 +11,8 @@
  * single echo (recon/detection/objects.c). */
 #define BODIES_DIFFER 0.06
 
+#define REACH_M 1.0 /* existence is that of something so near */
+
 static struct track_mirror in_vehicle(const struct ego_step *pose,
                                       const struct track_mirror *m)
 {
@@ -38,6 +40,18 @@ static void add_height(const struct track *k, double covariance_m2[2][2])
     for (int a = 0; a < 2 && track_outline_may_walk(k); a++)
         for (int b = 0; b < 2; b++)
             covariance_m2[a][b] += BODIES_DIFFER * k->height_m2[a][b];
+}
+
+/* Of somebody who is predicted to walk on: that he is within reach of where he is told.
+ * (Of a normal distribution in the plane, as if it were round.) */
+static double still_there(const struct track *k)
+{
+    const struct track_filter *f = &k->filter;
+    double m2 = 0.5 * (f->covariance[0][0] + f->covariance[1][1]);
+
+    return k->state == TRACK_PREDICTED && k->models.begun
+               ? 1.0 - exp(-0.5 * REACH_M * REACH_M / m2)
+               : 1.0;
 }
 
 static void report(const struct tracker *t, const struct track *k,
@@ -80,7 +94,7 @@ static void report(const struct tracker *t, const struct track *k,
     memcpy(out->extent_m, k->extent_m, sizeof out->extent_m);
     for (int i = 0; i < 2; i++)
         out->extent_m[i] = fmax(out->extent_m[i], size_m[i]);
-    out->existence = k->life.existence;
+    out->existence = k->life.existence * still_there(k);
     out->motion = k->motion;
     out->age_s = 1e-9 * (double)(t->stamp_ns - k->first_ns);
     out->unseen_s = 1e-9 * (double)(t->stamp_ns - k->seen_ns);

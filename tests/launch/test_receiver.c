@@ -753,7 +753,7 @@ struct signal {
     bool clamped;
 };
 
-#define DEGREE           (acos(-1) / 180)
+#define DEGREE           (M_PI / 180)
 #define OBJECT(field)    #field, offsetof(struct anlos_object, field)
 #define LIST(field)      #field, offsetof(struct anlos_list, field)
 #define OF_STATUS(field) #field, offsetof(struct anlos_status, field)

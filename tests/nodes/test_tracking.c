@@ -249,7 +249,7 @@ static void while_a_sound_drowns_the_images_tracks_go_on(void **state)
         assert_int_equal(r->list->n_detections, 1);
         d = r->list->detections[0];
         assert_int_equal(d->measurement, ANLOS__MEASUREMENT__PREDICTED);
-        assert_near(d->existence, existence * exp(-0.025 * (k + 1)), 1e-6);
+        assert_near(d->existence, existence * exp(-0.025 * (k + 1)), 2e-3);
     }
     r->volume.pings_blanked = 0;
     add(r, 0.5, 2.0, 1.0);

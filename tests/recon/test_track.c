@@ -237,6 +237,29 @@ static void a_walker_is_as_far_off_as_his_covariance_says(void **state)
  */
 
 /* Two persons pass each other half a metre apart. */
+/* Where he is not seen any more he may have stopped: existence is that of him within a
+ * metre. */
+static void who_walks_on_unseen_is_told_as_sure_as_he_is_near(void **state)
+{
+    struct rig *r = *state;
+
+    for (int k = 0; k < 100; k++) {
+        see(r, 4.0, -2.0 + 1.3 * k * 1e-9 * (double)PING_NS, 0.03);
+        step_after(r, PING_NS);
+    }
+    double seen = r->reports[0].existence;
+    r->scan.shows = shows_nothing;
+    for (int k = 1; k <= 50; k++) {
+        step_after(r, PING_NS);
+        const struct track_report *p = &r->reports[0];
+        double near = 1.0 - exp(-1.0 / (p->covariance_m2[0] + p->covariance_m2[3]));
+        double stays = exp(-k * 1e-9 * (double)PING_NS / r->cfg.life.survival_s);
+        assert_int_equal(p->state, TRACK_PREDICTED);
+        assert_near(p->existence, seen * stays * near, 0.01);
+    }
+    assert_below(r->reports[0].existence, 0.85);
+}
+
 /* One proven ping by ping, at (x, y). */
 static void see_proven(struct rig *r, double x, double y, double proven)
 {
@@ -1052,6 +1075,7 @@ int main(void)
         TEST(something_comes_back_under_its_id),
         TEST(standing_and_moving_are_told_apart),
         TEST(a_walker_is_as_far_off_as_his_covariance_says),
+        TEST(who_walks_on_unseen_is_told_as_sure_as_he_is_near),
         TEST(who_is_proven_ping_by_ping_is_told_at_once),
         TEST(what_echoes_behind_who_has_passed_is_not_told_at_once),
         TEST(who_comes_beside_him_is),

@@ -37,7 +37,7 @@ static void of_two_models_that_are_one_nothing_is_left_but_that(void **state)
     for (int k = 1; k < 30; k++) {
         const struct track_position p = measured(0.1 * k, 0.05 * k * k, SIGMA_M);
         track_filter_predict(&one, DT_S, same[0]);
-        track_models_predict(&m, DT_S, same, &out);
+        track_models_predict(&m, DT_S, false, same, &out);
         assert_near(out.state[1], one.state[1], 1e-9);
         track_filter_update(&one, &p);
         track_models_update(&m, &p, &out);
@@ -63,7 +63,7 @@ static void what_the_models_disagree_by_is_in_the_covariance(void **state)
     m.of[TRACK_CHANGES_PACE].state[0] = 0.4;
     m.of[TRACK_CHANGES_PACE].state[2] = -1.0;
     m.of[TRACK_CHANGES_PACE].covariance[0][0] += 0.08;
-    track_models_predict(&m, 0.0, psd, &out);
+    track_models_predict(&m, 0.0, false, psd, &out);
     assert_near(out.state[0], 0.1, 1e-12);
     assert_near(out.state[2], -0.25, 1e-12);
     assert_near(out.covariance[0][0],
@@ -84,7 +84,7 @@ static void in_the_long_run_the_models_are_as_likely_as_they_last(void **state)
     other.share[TRACK_KEEPS_PACE] = 0.0;
     other.share[TRACK_CHANGES_PACE] = 1.0;
     for (int k = 0; k < 200; k++)
-        track_models_predict(&other, DT_S, psd, &out);
+        track_models_predict(&other, DT_S, false, psd, &out);
     for (int i = 0; i < TRACK_MODELS; i++)
         assert_near(other.share[i], m.share[i], 1e-6);
     assert_below(m.share[TRACK_CHANGES_PACE], 0.5);
@@ -116,7 +116,7 @@ static void go_on(struct walk *w, double speed_m_s)
                                              SIGMA_M * dice_normal(&w->seed), SIGMA_M);
     track_filter_predict(&w->single, DT_S, 0.15);
     track_filter_update(&w->single, &p);
-    track_models_predict(&w->models, DT_S, psd, &w->told);
+    track_models_predict(&w->models, DT_S, false, psd, &w->told);
     track_models_update(&w->models, &p, &w->told);
     w->k++;
 }
@@ -190,7 +190,7 @@ static void the_last_looks_before_a_loss_are_taken_back(void **state)
     (void)state;
     lose(&w, &past, 4);
     int64_t seen_ns = (int64_t)w.k * DT_NS;
-    track_models_predict(&w.models, DT_S, psd, &w.told);
+    track_models_predict(&w.models, DT_S, false, psd, &w.told);
     double before_m = fabs(w.told.state[0] - (w.x_m + 1.3 * DT_S));
     track_past_restore(&past, seen_ns, seen_ns + DT_NS, psd, &w.models, &w.told);
     assert_near(w.told.state[0], w.x_m + 1.3 * DT_S, 0.1);
@@ -207,7 +207,7 @@ static void they_are_taken_back_once(void **state)
     lose(&w, &past, 0);
     int64_t seen_ns = (int64_t)w.k * DT_NS;
     for (int k = 1; k <= 2; k++) {
-        track_models_predict(&w.models, DT_S, psd, &w.told);
+        track_models_predict(&w.models, DT_S, false, psd, &w.told);
         struct track_models was = w.models;
         track_past_restore(&past, seen_ns, seen_ns + k * DT_NS, psd, &w.models, &w.told);
         assert_int_equal(memcmp(&was, &w.models, sizeof was) == 0, k == 2);

@@ -38,7 +38,8 @@ struct anlos_object {
     bool behind_no_wall; /* walls are known, but none stands before it in its gate */
     bool in_free_view;
     double virtual_m[3];      /* as imaged, in the array's frame */
-    double existence;         /* 0..1, a probability; of a track: of it and its wall */
+    double existence;         /* 0..1, a probability; of a track: of it and its wall, and
+                                 of somebody predicted: within a metre of his place */
     double level_db;          /* above the noise floor of the image */
     int shape;                /* enum anlos_shape, */
     double shape_probability; /* among the three */
