@@ -85,8 +85,8 @@ static void what_is_no_bookmark_is_refused_and_the_file_left_alone(void **state)
         "1e300 late",
         "1 a\x01b",
         "1 B\xe4r", /* Latin 1 */
-        "1 0123456789012345678901234567890123456789012345678901234567890123456789"
-        "0123456789x"};
+        ("1 0123456789012345678901234567890123456789012345678901234567890123456789"
+         "0123456789x")};
     char long_line[400];
 
     memset(long_line, 'a', sizeof long_line);

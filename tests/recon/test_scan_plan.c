@@ -23,11 +23,12 @@ static struct survey with_volume(void)
 
 static struct scan_plan_config any(const struct survey *s)
 {
-    return (struct scan_plan_config){.survey = s,
-                                     .stage = {0.4, 0.5, 0.15},
-                                     .time_s = INFINITY,
-                                     .snr_db = INFINITY,
-                                     .at_m = {0.2, 0.3, 1.4}};
+    return (struct scan_plan_config){
+        .survey = s,
+        .stage = {.speed_m_s = 0.4, .acceleration_m_s2 = 0.5, .settle_s = 0.15},
+        .time_s = INFINITY,
+        .snr_db = INFINITY,
+        .at_m = {0.2, 0.3, 1.4}};
 }
 
 static struct scan_plan *plan(struct scan_plan_config cfg)
