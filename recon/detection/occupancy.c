@@ -20,6 +20,7 @@
 #define MOST_SPREAD  0.4 /* of odds to either side in one go */
 #define AGE_S        1.0
 #define NOW_S        0.1    /* powers of a few pings, of which one may be anything */
+#define LEAST_LATELY 0.18f  /* after 2 of 10 s: before, who comes is all there was */
 #define MOST_SIDE    0.16   /* of a source, where it is as far away for most... */
 #define FEW_SIDE     0.016  /* ...or for few of the elements */
 #define SIDE_M       0.3    /* the depth of a person, and the length of a smear */
@@ -62,7 +63,9 @@ struct occupancy {
     float *odds, *spread; /* [n] */
     float *power;         /* [n] over the median of noise... */
     float *now, *lately;  /* [n] ...and its means, of NOW_S and OCCUPANCY_LATELY_S */
-    bool *held;           /* [n] */
+    float now_of,
+        lately_of; /* what these are of: less than 1 before so long has passed */
+    bool *held;    /* [n] */
     struct cfar_map *map;
     size_t *order, *ring_of; /* [n]: blocks by rings, and whose ring */
     size_t *first;           /* [n_rings + 1] in order */
@@ -212,6 +215,7 @@ void occupancy_reset(struct occupancy *o)
     memset(o->odds, 0, o->n * sizeof *o->odds);
     memset(o->now, 0, o->n * sizeof *o->now);
     memset(o->lately, 0, o->n * sizeof *o->lately);
+    o->now_of = o->lately_of = 0.0f;
     cfar_map_reset(o->map);
     o->began = false;
 }
@@ -427,6 +431,8 @@ void occupancy_step(struct occupancy *o, const float *power, int64_t stamp_ns)
     look_beside(o, power);
     float share = (float)(1.0 - exp(-dt_s / OCCUPANCY_LATELY_S));
     float now_share = (float)(1.0 - exp(-dt_s / NOW_S));
+    o->now_of += now_share * (1.0f - o->now_of);
+    o->lately_of += share * (1.0f - o->lately_of);
     double comes = dt_s / COMES_S / (double)o->n, stays = exp(-dt_s / STAYS_S);
     for (size_t i = 0; i < o->n; i++) {
         double level = o->level[o->ring_of[i]] + (double)o->beside[i];
@@ -506,7 +512,8 @@ double occupancy_lately(const struct occupancy *o, const double at_m[3], double 
         lately = fmaxf(lately, o->lately[i]);
         now = fmaxf(now, o->now[i]);
     }
-    return now > 0.0f ? (double)(lately / now) : 0.0;
+    lately /= fmaxf(o->lately_of, LEAST_LATELY);
+    return now > 0.0f ? (double)(lately * o->now_of / now) : 0.0;
 }
 
 /* The likeliest block within apart_m; of equals the first. */
