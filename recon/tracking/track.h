@@ -141,7 +141,7 @@ struct track_report {
     struct track_mirror mirror;                /* that they hold for */
     double velocity_m_s[2], velocity_m2_s2[3]; /* over ground; covariance xx xy yy */
     double extent_m[3];
-    double existence; /* of somebody predicted: within a metre of his place */
+    double existence; /* of what is predicted: within a metre of its place */
     enum track_motion motion;
     double age_s, unseen_s; /* since it was seen first, last */
     size_t detection;       /* the strongest of its own in this scan; n: none */

@@ -42,16 +42,21 @@ static void add_height(const struct track *k, double covariance_m2[2][2])
             covariance_m2[a][b] += BODIES_DIFFER * k->height_m2[a][b];
 }
 
-/* Of somebody who is predicted to walk on: that he is within reach of where he is told.
- * (Of a normal distribution in the plane, as if it were round.) */
-static double still_there(const struct track *k)
+/* Of what is predicted: that it is within reach of where it is told, by what its filter
+ * knows and how much faster or slower what is heard of it may be.  (Of a normal
+ * distribution in the plane, as if it were round.) */
+static double still_there(const struct tracker *t, const struct track *k)
 {
     const struct track_filter *f = &k->filter;
-    double m2 = 0.5 * (f->covariance[0][0] + f->covariance[1][1]);
+    double faster_m2_s2[2][2] = {{0.0}};
+    double unseen_s = 1e-9 * (double)(t->stamp_ns - k->seen_ns);
 
-    return k->state == TRACK_PREDICTED && k->models.begun
-               ? 1.0 - exp(-0.5 * REACH_M * REACH_M / m2)
-               : 1.0;
+    if (k->state != TRACK_PREDICTED)
+        return 1.0;
+    track_outline_uncertain_velocity(k, faster_m2_s2);
+    double m2 = 0.5 * (f->covariance[0][0] + f->covariance[1][1]) +
+                0.5 * unseen_s * unseen_s * (faster_m2_s2[0][0] + faster_m2_s2[1][1]);
+    return 1.0 - exp(-0.5 * REACH_M * REACH_M / m2);
 }
 
 static void report(const struct tracker *t, const struct track *k,
@@ -94,7 +99,7 @@ static void report(const struct tracker *t, const struct track *k,
     memcpy(out->extent_m, k->extent_m, sizeof out->extent_m);
     for (int i = 0; i < 2; i++)
         out->extent_m[i] = fmax(out->extent_m[i], size_m[i]);
-    out->existence = k->life.existence * still_there(k);
+    out->existence = k->life.existence * still_there(t, k);
     out->motion = k->motion;
     out->age_s = 1e-9 * (double)(t->stamp_ns - k->first_ns);
     out->unseen_s = 1e-9 * (double)(t->stamp_ns - k->seen_ns);

@@ -39,7 +39,7 @@ struct anlos_object {
     bool in_free_view;
     double virtual_m[3];      /* as imaged, in the array's frame */
     double existence;         /* 0..1, a probability; of a track: of it and its wall, and
-                                 of somebody predicted: within a metre of his place */
+                                 of one predicted: within a metre of its place */
     double level_db;          /* above the noise floor of the image */
     int shape;                /* enum anlos_shape, */
     double shape_probability; /* among the three */
