@@ -50,9 +50,8 @@ struct detection {
     double middle_m[3];   /* likewise, of all that is bright there: of what moves the
                            * brightest spot wanders from limb to limb */
     /* xx xy xz yy yz zz; PEAK_UNKNOWN_M along what the image does not tell; beside a
-     * border at least what is seen of it, beside an end in depth the front of an echo
-     * (sideways)
-     */
+     * border at least what is seen of it, beside an end in depth the front of an echo,
+     * sideways */
     double covariance_m2[6];
     unsigned at_border; /* PEAK_BORDER (peak.h): it may lie beyond, or go on */
     double level_db;    /* above the noise floor */

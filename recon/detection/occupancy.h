@@ -37,7 +37,7 @@ int occupancy_create(struct occupancy **out, const struct grid *blocks,
                      const struct sidelobe_array *array);
 
 /* power [nz][ny][nx] of one ping, finite, >= 0 (0: not imaged); stamps in order: what is
- * not newer, or by more than a second, begins anew.  A tenth of a millisecond for two
+ * not newer, or by more than a second, restarts.  A tenth of a millisecond for two
  * thousand blocks. */
 void occupancy_step(struct occupancy *o, const float *power, int64_t stamp_ns);
 

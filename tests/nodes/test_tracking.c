@@ -249,7 +249,8 @@ static void while_a_sound_drowns_the_images_tracks_go_on(void **state)
         assert_int_equal(r->list->n_detections, 1);
         d = r->list->detections[0];
         assert_int_equal(d->measurement, ANLOS__MEASUREMENT__PREDICTED);
-        assert_near(d->existence, existence * exp(-0.025 * (k + 1)), 2e-3);
+        double near = 1.0 - exp(-1.0 / (d->covariance_m2[0] + d->covariance_m2[3]));
+        assert_near(d->existence, existence * exp(-0.025 * (k + 1)) * near, 1e-4);
     }
     r->volume.pings_blanked = 0;
     add(r, 0.5, 2.0, 1.0);
@@ -617,6 +618,14 @@ static void what_hides_is_heard_from_where_the_mirrored_array_stands(void **stat
     sight_direction(&sight, walls.list[0].id + 1, at_m, way); /* no such wall: directly */
     assert_near(way[0], 0.4 / hypot(0.4, 0.9), 1e-9);
     assert_near(way[1], 0.9 / hypot(0.4, 0.9), 1e-9);
+    const double step_m[3] = {0.3, 0.0,
+                              0.1}; /* away from the array is nearer, mirrored */
+    sight_way(&sight, walls.list[0].id, step_m, way);
+    assert_near(way[0], -0.1, 1e-9);
+    assert_near(way[1], 0.3, 1e-9);
+    sight_way(&sight, walls.list[0].id + 1, step_m, way);
+    assert_near(way[0], 0.1, 1e-9);
+    assert_near(way[1], 0.3, 1e-9);
     survey_clear(&survey);
 }
 

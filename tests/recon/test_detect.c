@@ -424,6 +424,11 @@ static void isolated_points_are_joined_where_they_touch_alone(void **state)
     assert_int_equal(s.n, 2);
     assert_near(s.found[0].position_m[0], -0.35 + 9 * 0.02, 0.011);
     assert_near(s.found[1].position_m[0], -0.35 + 12 * 0.02, 1e-9);
+    const double share = 4.0 /
+                         (9.0 + 4.0); /* of the power, that is in the second voxel */
+    assert_near(s.found[0].middle_m[0], -0.35 + (9 + share) * 0.02, 1e-6);
+    assert_near(s.found[0].middle_m[2], 0.9 + (7 + share) * 0.01, 1e-6);
+    assert_near(s.found[1].middle_m[0], -0.35 + 12 * 0.02, 1e-6);
     scene_close(&s);
 }
 

@@ -246,7 +246,7 @@ static void one_ping_alone_is_not_what_is_there(void **state)
     assert_near(occupancy_lately(r->o, at_m, 0.2), lately / is, 0.1 * lately / is);
 }
 
-static void what_is_not_newer_begins_anew(void **state)
+static void what_is_not_newer_restarts_it(void **state)
 {
     struct rig *r = *state;
     static const int64_t gaps_ns[] = {0, -PING_NS, 1100000000LL};
@@ -319,7 +319,7 @@ int main(void)
         TEST(what_looks_like_somebody_else_is_nobody),
         TEST(it_knows_how_bright_it_was_there_lately),
         TEST(one_ping_alone_is_not_what_is_there),
-        TEST(what_is_not_newer_begins_anew),
+        TEST(what_is_not_newer_restarts_it),
         TEST(what_was_not_imaged_tells_nothing),
         TEST(most_likely_comes_first_and_no_more_than_asked_for),
     };
