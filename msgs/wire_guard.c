@@ -9,6 +9,7 @@
 #include <string.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
+#include <sys/uio.h>
 #include <sys/un.h>
 #include <unistd.h>
 
@@ -142,6 +143,16 @@ int connect(int fd, const struct sockaddr *address, socklen_t size)
     return real(fd, address, size);
 }
 
+/* Of what nanomsg reads next, handshake, header or body: what is left. */
+static uint64_t wanted(const struct link *l)
+{
+    if (l->handshake < HANDSHAKE_SIZE)
+        return HANDSHAKE_SIZE - l->handshake;
+    if (l->header < HEADER_SIZE)
+        return HEADER_SIZE - l->header;
+    return l->left ? l->left : HEADER_SIZE;
+}
+
 ssize_t recvmsg(int fd, struct msghdr *message, int flags)
 {
     typedef ssize_t call(int, struct msghdr *, int);
@@ -149,16 +160,19 @@ ssize_t recvmsg(int fd, struct msghdr *message, int flags)
     void *found = next("recvmsg", &kept);
     call *real;
     memcpy(&real, &found, sizeof real);
-    ssize_t n = real(fd, message, flags);
-    struct link *l = n > 0 ? find(fd) : NULL;
-    size_t left = l ? (size_t)n : 0;
-    for (size_t i = 0; left && i < (size_t)message->msg_iovlen; i++) {
-        size_t part = least(left, message->msg_iov[i].iov_len);
-        if (!accept_bytes(l, message->msg_iov[i].iov_base, part)) {
-            refused++;
-            return 0;
-        }
-        left -= part;
-    }
-    return n;
+    struct link *l = find(fd);
+    if (!l || !message->msg_iovlen)
+        return real(fd, message, flags);
+    struct msghdr part = *message;
+    struct iovec into = *message->msg_iov;
+    into.iov_len = least(into.iov_len, wanted(l));
+    part.msg_iov = &into;
+    part.msg_iovlen = 1;
+    ssize_t n = real(fd, &part, flags);
+    message->msg_controllen = part.msg_controllen;
+    message->msg_flags = part.msg_flags;
+    if (n <= 0 || accept_bytes(l, into.iov_base, (size_t)n))
+        return n;
+    refused++;
+    return 0;
 }

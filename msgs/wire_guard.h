@@ -1,7 +1,10 @@
 /* SPDX-License-Identifier: MIT */
-/* msgs/wire_guard.h -- keeps from nanomsg what would make it abort the process: its IPC
- * transport asserts that a frame's first byte is 1 (sipc.c), and a PUB socket that nobody
- * sends to it (xpub.c), of bytes that whoever can open the socket file may write.
+/* msgs/wire_guard.h -- keeps from nanomsg 1.1.5 what would make it abort the process, or
+ * deaf: its IPC transport asserts that a frame's first byte is 1 (sipc.c), and a PUB
+ * socket that nobody sends to it (xpub.c), of bytes that whoever can open the socket file
+ * may write.  And what it has read ahead when a connection breaks, as a handshake of a
+ * process that was stopped for a second does, it takes for the beginning of the next one
+ * (usock_posix.inc), which breaks too, for ever: so it reads nothing ahead.
  *
  * nanomsg has no hook for that, so its calls of accept4, connect and recvmsg come here:
  * the definitions of a program go before those of the C library.  Of sockets that are

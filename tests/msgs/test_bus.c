@@ -638,6 +638,62 @@ static void what_a_dead_process_left_is_not_in_the_way(void **state)
     assert_int_not_equal(access(address.sun_path, F_OK), 0); /* cleaned up */
 }
 
+static int listen_as_array(void)
+{
+    struct sockaddr_un address = {.sun_family = AF_UNIX};
+    int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK, 0);
+    snprintf(address.sun_path, sizeof address.sun_path, "%s/array.ping.ipc", run_folder);
+    assert_int_equal(bind(fd, (struct sockaddr *)&address, sizeof address), 0);
+    assert_int_equal(listen(fd, 10), 0);
+    return fd;
+}
+
+/* nanomsg's first words (NN_PUB is 32), and a message that makes them a multiple of the
+ * eight that it reads first. */
+static size_t write_as_array(uint8_t out[200])
+{
+    const struct envelope e = {
+        .topic = "ping", .node = "array", .epoch_ns = 1, .payload_size = 7};
+    const size_t size = ENVELOPE_SIZE + e.payload_size;
+    memcpy(out, (const uint8_t[17]){0, 'S', 'P', 0, 0, 32, 0, 0, 1}, 17);
+    out[16] = (uint8_t)size; /* of 8 bytes, the last one */
+    envelope_pack(&e, out + 17);
+    memset(out + 17 + ENVELOPE_SIZE, 'x', e.payload_size);
+    assert_int_equal((17 + size) % 8, 0);
+    return 17 + size;
+}
+
+/* What nanomsg 1.1.5 has read of a connection that broke it takes for the beginning of
+ * the next one: six bytes too many, and each of those breaks too. */
+static void a_connection_that_broke_leaves_nothing_to_the_next(void **state)
+{
+    (void)state;
+    const uint8_t foreign[14] = {[8] = 1};
+    uint8_t words[200];
+    struct bus_message m;
+    struct bus *dsp = open_bus("dsp", 1);
+    int listener = listen_as_array(), connections[1000];
+    size_t n = 0, size = write_as_array(words);
+
+    assert_int_equal(bus_subscribe(dsp, topic_ping()), 0);
+    int64_t end_ms = now_ms() + DEADLINE_MS;
+    while (bus_receive(dsp, &m, 10)) {
+        assert_true(now_ms() < end_ms && n < 1000);
+        int fd = accept(listener, NULL, NULL);
+        if (fd < 0)
+            continue;
+        send(fd, n ? words : foreign, n ? size : sizeof foreign, MSG_NOSIGNAL);
+        connections[n++] = fd;
+    }
+    assert_int_equal(m.envelope.payload_size, 7);
+    bus_message_free(&m);
+    assert_int_equal(n, 2);
+    bus_destroy(dsp);
+    while (n)
+        close(connections[--n]);
+    close(listener);
+}
+
 static void a_tool_listens_and_publishes_nothing(void **state)
 {
     (void)state;
@@ -797,6 +853,7 @@ int main(void)
         in_a_folder(what_is_not_allowed_is_not_sent),
         in_a_folder(two_live_nodes_of_one_name_are_refused),
         in_a_folder(what_a_dead_process_left_is_not_in_the_way),
+        in_a_folder(a_connection_that_broke_leaves_nothing_to_the_next),
         in_a_folder(a_tool_listens_and_publishes_nothing),
         in_a_folder(a_signal_wakes_a_receiver_for_good),
         in_a_folder(a_loop_may_poll_for_messages),
