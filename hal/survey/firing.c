@@ -82,5 +82,5 @@ int firing_apply(struct survey *s, const struct firing *f, struct error *why)
     if (f->stage != FIRING_STAGE_AS_IT_IS)
         s->continuous = f->stage == FIRING_STAGE_GOES_ON;
     int err = survey_check(s, &inner);
-    return err ? error_say(why, err, "with the options of array.uri: %s", inner.text) : 0;
+    return err ? error_say(why, err, "with the options of the array: %s", inner.text) : 0;
 }

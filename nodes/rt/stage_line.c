@@ -4,11 +4,15 @@
 #include <math.h>
 
 #define LEAST_REPORTS 3
+#define BACK_NS       INT64_C(1000000000) /* later than its reports are ever told */
 
 void stage_line_add(struct stage_line *l, int64_t at_ns, double place_m)
 {
-    if (l->n && at_ns <= l->at_ns[(l->n - 1) % STAGE_LINE_REPORTS])
+    int64_t newest_ns = l->n ? l->at_ns[(l->n - 1) % STAGE_LINE_REPORTS] : INT64_MIN;
+    if (at_ns <= newest_ns && newest_ns - at_ns < BACK_NS)
         return;
+    if (at_ns <= newest_ns)
+        l->n = 0; /* what was told before lies in the future */
     l->at_ns[l->n % STAGE_LINE_REPORTS] = at_ns;
     l->place_m[l->n % STAGE_LINE_REPORTS] = place_m;
     l->n++;

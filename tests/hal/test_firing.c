@@ -151,7 +151,7 @@ static void what_does_not_go_together_is_refused(void **state)
     static const struct {
         const char *options, *part;
     } cases[] = {
-        {"?together=2", "with the options of array.uri: together is 2"},
+        {"?together=2", "with the options of the array: together is 2"},
         {"?slot_samples=500", "gate_m: gate beyond the slot: far is 3 m"},
         {"?far_m=0.4", "expected 0 <= near < far"},
         {"?together=3", "option together=3: expected a number in 1..2"},

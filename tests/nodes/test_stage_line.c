@@ -67,6 +67,19 @@ static void what_is_reported_again_or_late_is_ignored(void **state)
     assert_true(l.place_m[0] == 0.1);
 }
 
+static void a_report_from_the_future_does_not_stop_those_that_come(void **state)
+{
+    struct stage_line l = {.n = 0};
+    struct stage_line_fit f;
+    (void)state;
+    stage_line_add(&l, START + 3600000 * MS, 0.5);
+    for (int k = 0; k < 4; k++)
+        stage_line_add(&l, START + 50 * k * MS, 0.06 * 0.05 * k);
+    assert_true(stage_line_fit(&l, START, START + 4000000 * MS, &f));
+    assert_int_equal(f.n, 4);
+    assert_true(fabs(f.speed_m_s - 0.06) < 1e-9);
+}
+
 static void the_oldest_make_room(void **state)
 {
     struct stage_line l = {.n = 0};
@@ -86,6 +99,7 @@ int main(void)
         cmocka_unit_test(many_reports_are_better_than_one),
         cmocka_unit_test(only_reports_of_the_span_count_and_three_are_needed),
         cmocka_unit_test(what_is_reported_again_or_late_is_ignored),
+        cmocka_unit_test(a_report_from_the_future_does_not_stop_those_that_come),
         cmocka_unit_test(the_oldest_make_room),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
