@@ -6,10 +6,10 @@
  * process that was stopped for a second does, it takes for the beginning of the next one
  * (usock_posix.inc), which breaks too, for ever: so it reads nothing ahead.
  *
- * nanomsg has no hook for that, so its calls of accept4, connect and recvmsg come here:
- * the definitions of a program go before those of the C library.  Of sockets that are
- * none of ours (*.ipc) they are passed on untouched.  What a peer may not say ends its
- * connection, as if it had closed it. */
+ * nanomsg has no hook for that, so its calls of accept4, connect, recvmsg and close come
+ * here: the definitions of a program go before those of the C library.  Of sockets that
+ * are none of ours (*.ipc) they are passed on untouched.  What a peer may not say ends
+ * its connection, as if it had closed it. */
 #ifndef ANLOS_MSGS_WIRE_GUARD_H
 #define ANLOS_MSGS_WIRE_GUARD_H
 
