@@ -33,7 +33,8 @@ struct mat_variable { /* with its data */
 
 /* MATLAB files are read in a child process with bounded time and memory, one for each
  * question: libmatio and HDF5 do not withstand damaged files, and what becomes of them
- * there is an error here. */
+ * there is an error here.  Of other threads the child would have the locks that they held
+ * and not them: there may be none. */
 
 enum mat_what { MAT_OPEN, MAT_HAS, MAT_EXTENTS, MAT_FLOATS, MAT_DOUBLES, MAT_COMPLEX };
 
@@ -332,6 +333,7 @@ static void mat_library_complex(const struct mat_variable *v, size_t first, size
 
 #define LEAST_CPU_S    5
 #define BYTES_A_SECOND ((rlim_t)4 << 20) /* of the file, on a slow machine */
+#define WAIT           30 /* times that: for who waits for a processor, a disk or a lock */
 #define LEAST_MEMORY   ((rlim_t)256 << 20)
 #define MOST_MEMORY    ((rlim_t)6 << 30) /* MAT_FILE_MAX_ELEMENTS, read and inflated */
 #define MEMORY_A_BYTE  3300              /* what deflate holds, three times */
@@ -407,6 +409,11 @@ static void limit(const char *path)
     setrlimit(RLIMIT_AS, &(struct rlimit){memory, memory});
     setrlimit(RLIMIT_CPU, &(struct rlimit){cpu_s, cpu_s});
     setrlimit(RLIMIT_CORE, &(struct rlimit){0, 0});
+    sigset_t none;
+    sigemptyset(&none);
+    signal(SIGALRM, SIG_DFL);
+    sigprocmask(SIG_SETMASK, &none, NULL);
+    alarm((unsigned)cpu_s * WAIT);
 }
 
 static int answer(struct answer *a, const struct mat_question *q, struct mat_variable *v)
@@ -506,7 +513,8 @@ static int blame(const struct mat_question *q, int err, int status, struct error
 {
     if (err == -ENOMEM)
         return error_say(why, err, "%s: out of memory", q->path);
-    if (WIFSIGNALED(status) && WTERMSIG(status) == SIGXCPU)
+    if (WIFSIGNALED(status) &&
+        (WTERMSIG(status) == SIGXCPU || WTERMSIG(status) == SIGALRM))
         return error_say(why, -EIO,
                          "%s: takes longer to read than a file of its size may", q->path);
     return error_say(why, -EIO, "%s: damaged: the MATLAB library cannot read it",

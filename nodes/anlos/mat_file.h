@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: MIT */
 /* nodes/anlos/mat_file.h -- numeric arrays of MATLAB files, v5 and v7.3 (libmatio, in a
- * process of its own: mat_process.h).
+ * forked process of its own).
  *
  * Data are handed out in MATLAB's order, first index fastest: element (i, j, k) of an
  * array of extents [a][b][c] is out[i + a * (j + b * k)].  Any integer or real class is
- * converted; logical too; sparse arrays, cells and structures are refused.  One thread.
+ * converted; logical too; sparse arrays, cells and structures are refused.  To
+ * be called while the process has one thread.
  */
 #ifndef ANLOS_NODES_ANLOS_MAT_FILE_H
 #define ANLOS_NODES_ANLOS_MAT_FILE_H

@@ -1,8 +1,10 @@
 /* SPDX-License-Identifier: MIT */
 /* Optical scans: points in closed form written as MATLAB files. */
+#include <dirent.h>
 #include <errno.h>
 #include <jansson.h>
 #include <math.h>
+#include <pthread.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stdbool.h>
@@ -167,6 +169,36 @@ static void a_point_is_where_it_is_with_every_method(void **state)
                         a < 2 ? 0.0201 : 0.01);
         confocal_job_clear(&job);
     }
+}
+
+static size_t most_threads; /* of this process, as it forked */
+
+static void count_threads(void)
+{
+    size_t n = 0;
+    DIR *d = opendir("/proc/self/task");
+    assert_non_null(d);
+    for (struct dirent *e = readdir(d); e; e = readdir(d))
+        n += e->d_name[0] != '.';
+    closedir(d);
+    most_threads = n > most_threads ? n : most_threads;
+}
+
+/* What a thread has locked stays locked in the child, which would wait for ever: one that
+ * was just started held a lock of AddressSanitizer's.  Before there were other threads.
+ */
+static void who_forks_has_no_threads(void **state)
+{
+    (void)state;
+    struct recon_options o = {.confocal = path, .method = "lct", .threads = 4};
+    struct confocal_job job;
+    struct error why = {""};
+    optical_point_fill(counts);
+    write_scan(MAT_FT_MAT5, half_side_m, bin_s);
+    assert_int_equal(pthread_atfork(count_threads, NULL, NULL), 0);
+    assert_int_equal(confocal_job_run(&job, &o, &why), 0);
+    assert_int_equal(most_threads, 1);
+    confocal_job_clear(&job);
 }
 
 /* -- what is wrong with a file ----------------------------------------------------------
@@ -344,6 +376,7 @@ int main(void)
         test(wrong_arguments_are_told),
         test(a_gate_without_bins_is_refused),
         test(a_report_has_the_gate_that_there_is_and_no_band_of_counts),
+        test(who_forks_has_no_threads),
         test(scales_and_order_are_those_of_the_file),
         test(four_picoseconds_are_the_default),
         test(groups_of_bins_keep_all_light_and_their_place),

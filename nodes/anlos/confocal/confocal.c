@@ -311,12 +311,13 @@ int confocal_job_run(struct confocal_job *job, const struct recon_options *optio
     struct stopwatch now = stopwatch_now(false);
     memset(job, 0, sizeof *job);
     job->options = options;
-    int err = pool_create(&job->pool, options->threads);
-    if (err)
-        error_say(why, err, "%zu threads: %s", options->threads, strerror(-err));
-    if (!err)
-        err = read_scan(job, &scan, why);
+    int err = read_scan(job, &scan, why); /* it forks: before there are threads */
     stopwatch_lap(&job->stages[RECON_READ], &now, false);
+    if (!err) {
+        err = pool_create(&job->pool, options->threads);
+        if (err)
+            error_say(why, err, "%zu threads: %s", options->threads, strerror(-err));
+    }
     if (!err && interrupt_requested())
         err = error_say(why, -EINTR, "interrupted");
     if (!err)
