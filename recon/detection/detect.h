@@ -15,6 +15,7 @@
 #include "recon/grid.h"
 
 struct clean;
+struct pool;
 struct trace_set;
 
 struct detect_config {
@@ -24,6 +25,8 @@ struct detect_config {
     bool learns;         /* cfar, from this image (default) */
     const struct trace_set *traces; /* for objects_find: what was imaged, to tell lobes
                                      * apart; NULL: not at hand.  Not owned. */
+    struct pool *pool;              /* with traces: to look at what lies beyond the volume
+                                     * (recon/detection/beyond); NULL: not done.  Not owned. */
     const struct clean *clean;      /* for objects_find: to look for what others hide
                                      * (recon/detection/clean); NULL: not done.  Not owned. */
     const struct cfar_map *map;     /* with cfar: of this grid; NULL: none.  Not owned. */

@@ -83,22 +83,36 @@ static double lacks_db(const double g[TONES], const double p[TONES])
     return low > 0.0 && high > 0.0 ? fmin(10.0 * log10(low / high), 0.0) : 0.0;
 }
 
-/* Is it as far off as p is for some of the aperture? */
-static bool may_make(const struct detection *p, const struct detection *g,
-                     const double low[3], const double high[3])
+static bool reaches(const double p_m[3], const double g_m[3], const double low[3],
+                    const double high[3])
 {
     double range_p = 0.0, range_g = 0.0, u_p[3], u_g[3], walk_m = BESIDE_M;
 
     for (int a = 0; a < 3; a++) {
-        u_p[a] = p->position_m[a] - 0.5 * (low[a] + high[a]);
-        u_g[a] = g->position_m[a] - 0.5 * (low[a] + high[a]);
+        u_p[a] = p_m[a] - 0.5 * (low[a] + high[a]);
+        u_g[a] = g_m[a] - 0.5 * (low[a] + high[a]);
         range_p = hypot(range_p, u_p[a]);
         range_g = hypot(range_g, u_g[a]);
     }
     for (int a = 0; a < 3; a++)
         walk_m += 0.5 * (high[a] - low[a]) *
                   fabs(u_p[a] / fmax(range_p, 1e-9) - u_g[a] / fmax(range_g, 1e-9));
-    return p->level_db > g->level_db - FAINTER && fabs(range_p - range_g) < walk_m;
+    return fabs(range_p - range_g) < walk_m;
+}
+
+bool lobes_reach(const struct geometry *g, const double from_m[3], const double to_m[3])
+{
+    double low[3], high[3];
+
+    geometry_aperture(g, low, high);
+    return reaches(from_m, to_m, low, high);
+}
+
+static bool may_make(const struct detection *p, const struct detection *g,
+                     const double low[3], const double high[3])
+{
+    return p->level_db > g->level_db - FAINTER &&
+           reaches(p->position_m, g->position_m, low, high);
 }
 
 void lobes_judge(const struct trace_set *set, struct detection *found, size_t n)

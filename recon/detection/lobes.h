@@ -8,10 +8,15 @@
 #ifndef ANLOS_RECON_DETECTION_LOBES_H
 #define ANLOS_RECON_DETECTION_LOBES_H
 
+#include <stdbool.h>
 #include <stddef.h>
 
 #include "recon/detection/detect.h"
 #include "recon/planning/trace_set.h"
+
+/* May there be a sidelobe of one place at the other?  Is that as far away as the first
+ * is, for some of the aperture? */
+bool lobes_reach(const struct geometry *g, const double from_m[3], const double to_m[3]);
 
 #define LOBES_MAX 64 /* objects; more are left as they are */
 

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "recon/detection/beyond.h"
 #include "recon/detection/clean.h"
 #include "recon/detection/lobes.h"
 #include "recon/detection/multipath.h"
@@ -316,6 +317,11 @@ int objects_find(struct object_list *out, const struct survey *s,
         return err;
     if (cfg->traces)
         lobes_judge(cfg->traces, found, n);
+    if (cfg->traces && cfg->pool)
+        err = beyond_judge(cfg->traces, grid, cfg->dynamic_range_db, cfg->clipped,
+                           cfg->pool, found, n);
+    if (err)
+        return err;
     if (cfg->multipath)
         find_multipath(s, walls, grid, found, n, plain);
     objects_list(out, s, walls, found, n);

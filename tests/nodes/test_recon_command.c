@@ -330,6 +330,32 @@ static void what_stands_outside_of_the_gate_is_not_imaged(void **state)
     assert_true(brightest(f, "gate_m: [1.1, 1.3]\n") < 1e-3f * seen);
 }
 
+/* Nothing stands in the volume, and what is brightest there is what the point beyond a
+ * side leaves in it: hardly less than that is, by so few pairs. */
+static void what_is_seen_beside_something_louder_is_less_sure(void **state)
+{
+    struct fixture *f = *state;
+    struct command_result r;
+    static char volume[] = "-.5,-.2,.02,0,.2,.02,.8,1.2,.01";
+    char *words[] = {"recon",  "--survey",     f->survey,     "--wav",
+                     f->scene, "--background", f->background, "--method",
+                     "fast",   "--out",        f->out,        "--volume",
+                     volume,   "--threads",    "1",           NULL};
+
+    command_run(&r, command_recon, words);
+    assert_int_equal(r.code, 0);
+    json_t *j = load(f, "detections.json");
+    const json_t *d, *all = json_object_get(j, "detections");
+    size_t i, n = 0;
+    json_array_foreach(all, i, d)
+    {
+        n++;
+        assert_true(json_number_value(json_object_get(d, "existence")) < 0.95);
+    }
+    assert_true(n > 0);
+    json_decref(j);
+}
+
 static void a_second_run_replaces_the_first(void **state)
 {
     struct fixture *f = *state;
@@ -638,6 +664,7 @@ int main(void)
         test(a_volume_of_the_command_line_is_named_as_that),
         test(a_background_that_is_louder_than_the_scene_is_warned_of),
         test(what_stands_outside_of_the_gate_is_not_imaged),
+        test(what_is_seen_beside_something_louder_is_less_sure),
         test(a_second_run_replaces_the_first),
         test(a_silent_microphone_is_named_and_left_out),
         test(a_nan_is_counted_and_its_position_left_out),

@@ -422,6 +422,7 @@ static int find_objects(struct recon_job *job, struct error *why)
         detect.traces = &job->automatic->set;
     else if (job->heard.traces)
         detect.traces = &job->heard;
+    detect.pool = job->pool;
     bool own_places = job->processing.geometry.pings_m != NULL;
     const struct clean clean = {detect.traces, job->imager, job->pool,
                                 job->options->traces != NULL, own_places};

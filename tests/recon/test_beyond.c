@@ -1,0 +1,194 @@
+/* SPDX-License-Identifier: MIT */
+#include "tests/recon/near.h"
+
+#include <math.h>
+#include <stdbool.h>
+#include <stdlib.h>
+
+#include "recon/detection/beyond.h"
+#include "recon/detection/peak.h"
+#include "tests/recon/rig.h"
+
+#define RANGE_DB 15.0
+#define MAX      16
+
+/* 8 pairs upright, 16 positions: an aperture of 35 cm by 30 cm. */
+struct scene {
+    struct rig rig;
+    struct trace_set set;
+    float complex *traces;
+    bool *heard;
+    struct pool *pool;
+};
+
+static void open_scene(struct scene *s, const struct scatterer *points, size_t n)
+{
+    struct rig *r = &s->rig;
+    struct geometry *g = &r->geometry;
+
+    rig_pairs(r);
+    g->n_positions = 16;
+    for (size_t k = 0; k < g->n_positions; k++)
+        r->positions_m[k] = 0.02 * ((double)k - 7.5);
+    rig_look_at(r, 0.0, 0.0, 1.1, 17, 0.02);
+    s->set = (struct trace_set){.geometry = g,
+                                .format = r->format,
+                                .band_hz = {r->band_hz[0], r->band_hz[1]},
+                                .gate_m = {r->gate_m[0], r->gate_m[1]}};
+    size_t pairs = trace_set_pairs(&s->set), samples = r->format.n_samples;
+    s->traces = malloc(g->n_positions * pairs * samples * sizeof *s->traces);
+    s->heard = malloc(g->n_positions * pairs * sizeof *s->heard);
+    assert_true(s->traces && s->heard);
+    for (size_t q = 0; q < g->n_positions * pairs; q++)
+        s->heard[q] = true;
+    for (size_t q = 0; q < g->n_positions; q++)
+        for (size_t e = 0; e < g->n_speakers; e++)
+            rig_ping(r, q, e, points, n,
+                     s->traces + (q * pairs + e * g->n_microphones) * samples);
+    s->set.traces = s->traces;
+    s->set.heard = s->heard;
+    assert_int_equal(pool_create(&s->pool, 1), 0);
+}
+
+static void close_scene(struct scene *s)
+{
+    pool_destroy(s->pool);
+    free(s->traces);
+    free(s->heard);
+}
+
+static struct detection seen(const struct scatterer *point)
+{
+    return (struct detection){
+        .position_m = {point->at_m[0], point->at_m[1], point->at_m[2]},
+        .level_db = 30.0,
+        .existence = 1.0};
+}
+
+/* One inside, and one 24 cm beyond a side that is louder by so many decibels. */
+static double existence_beside(double louder_db, double inside_z_m, bool at_any_range)
+{
+    const struct scatterer points[2] = {
+        {{-0.06, 0.0, inside_z_m}, 0.05},
+        {{0.40, 0.0, 1.1}, 0.05 * pow(10.0, louder_db / 20.0)}};
+    struct detection d = seen(&points[0]);
+    struct scene s;
+
+    open_scene(&s, points, 2);
+    assert_int_equal(
+        beyond_judge(&s.set, &s.rig.grid, RANGE_DB, at_any_range, s.pool, &d, 1), 0);
+    close_scene(&s);
+    return d.existence;
+}
+
+static void what_is_nearly_as_loud_as_what_stands_outside_exists(void **state)
+{
+    (void)state;
+
+    assert_true(existence_beside(-6.0, 1.13, false) > 0.999);
+    assert_true(existence_beside(6.0, 1.13, false) > 0.9);
+    assert_true(existence_beside(6.0, 1.13, true) > 0.9);
+}
+
+static void what_is_far_fainter_may_be_its_sidelobe(void **state)
+{
+    (void)state;
+
+    assert_true(existence_beside(26.0, 1.13, false) < 0.3);
+    assert_true(existence_beside(26.0, 1.13, true) < 0.3);
+}
+
+/* But of an image of power, or far below it. */
+static void a_sidelobe_is_at_the_range_of_what_makes_it(void **state)
+{
+    (void)state;
+
+    assert_true(existence_beside(18.0, 0.95, false) > 0.95);
+    assert_true(existence_beside(18.0, 0.95, true) < 0.5);
+    assert_true(existence_beside(50.0, 0.95, false) < 0.3);
+}
+
+/* A point in the volume has sidelobes outside, and a faint one beside it is no sidelobe
+ * of those: that is judged in the image. */
+static void what_is_outside_may_be_a_sidelobe_itself(void **state)
+{
+    (void)state;
+    const struct scatterer points[2] = {{{0.06, 0.02, 1.1}, 1.0},
+                                        {{-0.08, 0.02, 1.1}, 0.05}};
+    struct detection found[2] = {seen(&points[0]), seen(&points[1])};
+    struct scene s;
+
+    open_scene(&s, points, 2);
+    assert_int_equal(beyond_judge(&s.set, &s.rig.grid, RANGE_DB, false, s.pool, found, 2),
+                     0);
+    assert_true(found[0].existence == 1.0 && found[1].existence == 1.0);
+    close_scene(&s);
+}
+
+/* Of a point beyond a side or an end nothing is reported but what is at that border, or
+ * beside it. */
+static void nothing_is_reported_but_at_the_border_that_it_lies_beyond(void **state)
+{
+    (void)state;
+    static const char *const methods[4] = {"fast", "confocal", "lct", "paper"};
+
+    for (int q = 0; q < 48; q++) {
+        const char *method = methods[q % 4];
+        int axis = q / 4 % 6 / 2, far = q / 4 % 2;
+        struct scatterer point = {{0.0, 0.0, 1.1}, 1.0};
+        struct detect_config cfg;
+        struct detection found[MAX];
+        struct scene s;
+        size_t n;
+        point.at_m[axis] += (far ? 1.0 : -1.0) * (0.16 + (q < 24 ? 0.03 : 0.06));
+        open_scene(&s, &point, 1);
+        float *image = rig_image(&s.rig, method, &point, 1, 1);
+        detect_config_default(&cfg);
+        detect_config_method(&cfg, method, &s.rig.grid);
+        geometry_resolution(&s.rig.geometry, s.rig.band_hz, 1.1, cfg.resolution_m);
+        assert_int_equal(detect_objects(&cfg, &s.rig.grid, image, found, MAX, &n), 0);
+        free(image);
+        assert_int_equal(
+            beyond_judge(&s.set, &s.rig.grid, RANGE_DB, cfg.clipped, s.pool, found, n),
+            0);
+        for (size_t i = 0; i < n; i++) {
+            if (found[i].existence < 0.5)
+                continue;
+            if (!(found[i].at_border & PEAK_BORDER(axis, far)))
+                fail_msg("%s: beyond %d %d, told at %.2f %.2f %.2f", method, axis, far,
+                         found[i].position_m[0], found[i].position_m[1],
+                         found[i].position_m[2]);
+        }
+        close_scene(&s);
+    }
+}
+
+static void an_array_that_cannot_be_imaged_so_is_left_alone(void **state)
+{
+    (void)state;
+    const struct scatterer points[2] = {{{-0.06, 0.0, 1.1}, 0.05},
+                                        {{0.40, 0.0, 1.1}, 1.0}};
+    struct detection d = seen(&points[0]);
+    struct scene s;
+
+    open_scene(&s, points, 2);
+    s.rig.speakers_m[3][2] += 0.3;
+    assert_int_equal(beyond_judge(&s.set, &s.rig.grid, RANGE_DB, false, s.pool, &d, 1),
+                     0);
+    assert_true(d.existence == 1.0);
+    close_scene(&s);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(what_is_nearly_as_loud_as_what_stands_outside_exists),
+        cmocka_unit_test(what_is_far_fainter_may_be_its_sidelobe),
+        cmocka_unit_test(a_sidelobe_is_at_the_range_of_what_makes_it),
+        cmocka_unit_test(what_is_outside_may_be_a_sidelobe_itself),
+        cmocka_unit_test(nothing_is_reported_but_at_the_border_that_it_lies_beyond),
+        cmocka_unit_test(an_array_that_cannot_be_imaged_so_is_left_alone),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
