@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "recon/detection/beyond.h"
 #include "recon/imaging/imager_options.h"
 #include "recon/inverse/psf.h"
 #include "recon/pipeline.h"
@@ -255,6 +256,15 @@ static int probe_work(void *context, struct error *why)
     return probe_run(&p, &l->a.set, &l->grid, NULL, l->pool);
 }
 
+static int beyond_work(void *context, struct error *why)
+{
+    struct look *l = context;
+    struct detection d = {.position_m = {0.0, 0.0, 1.0}, .existence = 1.0};
+
+    (void)why;
+    return beyond_judge(&l->a.set, &l->grid, 15.0, false, l->pool, &d, 1);
+}
+
 static int psf_work(void *context, struct error *why)
 {
     struct look *l = context;
@@ -284,6 +294,7 @@ static void what_looks_at_traces_says_that_memory_is_missing(void **state)
     assert_int_equal(pool_create(&l.pool, 1), 0);
     expect("coherence", coherence_work, &l, 3);
     expect("probe", probe_work, &l, 10);
+    expect("beyond", beyond_work, &l, 10);
     expect("psf", psf_work, &l, 2);
     pool_destroy(l.pool);
     array_traces_clear(&l.a);
