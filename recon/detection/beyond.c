@@ -9,14 +9,15 @@
 #include "recon/imaging/imager.h"
 #include "recon/planning/probe.h"
 
-#define ASIDE 0.35 /* of the range, on each side: the grating lobes of 20 degrees */
-#define ALONG 0.25 /* m, before the volume and behind it */
-#define OTHER 0.01 /* of an intensity, that an image of phases leaves at other ranges */
+#define ASIDE  0.35 /* of the range, on each side: the grating lobes of 20 degrees */
+#define ALONG  0.25 /* m, before the volume and behind it */
+#define OTHER  0.01 /* of an intensity, that an image of phases leaves at other ranges */
+#define INSIDE 0.05 /* likewise, an image of power of what it shows, anywhere */
 
 struct beyond {
     const struct trace_set *set;
     const struct grid *volume;
-    bool at_any_range;
+    bool of_power;
     struct grid grid; /* around it, coarse */
     float *intensity;
 };
@@ -97,21 +98,24 @@ static void place(const struct grid *g, size_t voxel, double at_m[3])
         at_m[a] = g->origin_m[a] + g->step_m[a] * (double)at[a];
 }
 
-/* The brightest voxel within a step of a place. */
-static float at_place(const struct beyond *b, const double at_m[3])
+/* The brightest voxel of what an object covers, or within a step of its place. */
+static float brightest(const struct beyond *b, const struct detection *d)
 {
     const struct grid *g = &b->grid;
-    size_t at[3], near[26];
+    size_t low[3], high[3];
+    float most = 0.0f;
 
     for (int a = 0; a < 3; a++) {
-        double step = round((at_m[a] - g->origin_m[a]) / g->step_m[a]);
-        at[a] = (size_t)fmin(fmax(step, 0.0), (double)(g->n[a] - 1));
+        double at = (d->position_m[a] - g->origin_m[a]) / g->step_m[a];
+        double half = fmax(0.5 * d->extent_m[a] / g->step_m[a], 1.0);
+        double last = (double)(g->n[a] - 1);
+        low[a] = (size_t)fmin(fmax(round(at - half), 0.0), last);
+        high[a] = (size_t)fmin(fmax(round(at + half), 0.0), last);
     }
-    size_t voxel = (at[2] * g->n[1] + at[1]) * g->n[0] + at[0];
-    float most = b->intensity[voxel];
-    size_t n = grid_neighbours(g, voxel, near);
-    for (size_t q = 0; q < n; q++)
-        most = fmaxf(most, b->intensity[near[q]]);
+    for (size_t z = low[2]; z <= high[2]; z++)
+        for (size_t y = low[1]; y <= high[1]; y++)
+            for (size_t x = low[0]; x <= high[0]; x++)
+                most = fmaxf(most, b->intensity[(z * g->n[1] + y) * g->n[0] + x]);
     return most;
 }
 
@@ -120,10 +124,19 @@ struct candidate {
     double most; /* and what is outside and may make it; 0: nothing */
 };
 
+/* Echoes that few pairs hear are fainter in the coarse image than in one of power, so
+ * that of what is in that the farthest only is a sidelobe. */
+static void compare_inside(size_t n, struct candidate *c)
+{
+    for (size_t i = 0; i < n; i++)
+        for (size_t j = 0; j < n; j++)
+            c[i].most = fmax(c[i].most, INSIDE * c[j].here);
+}
+
 /* Of what stands there, the part that may be left at the other place. */
 static double share(const struct beyond *b, const double from_m[3], const double to_m[3])
 {
-    bool reached = b->at_any_range || lobes_reach(b->set->geometry, from_m, to_m);
+    bool reached = b->of_power || lobes_reach(b->set->geometry, from_m, to_m);
     return reached ? 1.0 : OTHER;
 }
 
@@ -144,9 +157,9 @@ static void compare(const struct beyond *b, size_t voxel, const struct detection
 }
 
 int beyond_judge(const struct trace_set *set, const struct grid *grid, double range_db,
-                 bool at_any_range, struct pool *pool, struct detection *found, size_t n)
+                 bool of_power, struct pool *pool, struct detection *found, size_t n)
 {
-    struct beyond b = {.set = set, .volume = grid, .at_any_range = at_any_range};
+    struct beyond b = {.set = set, .volume = grid, .of_power = of_power};
     struct candidate *c = NULL;
     double band_hz[2];
 
@@ -157,9 +170,11 @@ int beyond_judge(const struct trace_set *set, const struct grid *grid, double ra
     if (!err && !(c = calloc(n, sizeof *c)))
         err = -ENOMEM;
     for (size_t i = 0; !err && i < n; i++)
-        c[i].here = at_place(&b, found[i].position_m);
+        c[i].here = brightest(&b, &found[i]);
     for (size_t v = 0; !err && v < grid_size(&b.grid); v++)
         compare(&b, v, found, n, c);
+    if (!err && of_power)
+        compare_inside(n, c);
     for (size_t i = 0; !err && i < n; i++) {
         if (!(c[i].most > 0.0))
             continue;

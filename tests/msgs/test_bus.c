@@ -6,9 +6,11 @@
 
 #include <cmocka.h>
 
+#include <linux/sockios.h>
 #include <poll.h>
 #include <pthread.h>
 #include <signal.h>
+#include <sys/ioctl.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/un.h>
@@ -638,11 +640,18 @@ static void what_a_dead_process_left_is_not_in_the_way(void **state)
     assert_int_not_equal(access(address.sun_path, F_OK), 0); /* cleaned up */
 }
 
+static const char *array_path(void)
+{
+    static char path[sizeof((struct sockaddr_un *)0)->sun_path];
+    snprintf(path, sizeof path, "%s/array.ping.ipc", run_folder);
+    return path;
+}
+
 static int listen_as_array(void)
 {
     struct sockaddr_un address = {.sun_family = AF_UNIX};
     int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK, 0);
-    snprintf(address.sun_path, sizeof address.sun_path, "%s/array.ping.ipc", run_folder);
+    strcpy(address.sun_path, array_path());
     assert_int_equal(bind(fd, (struct sockaddr *)&address, sizeof address), 0);
     assert_int_equal(listen(fd, 10), 0);
     return fd;
@@ -663,35 +672,60 @@ static size_t write_as_array(uint8_t out[200])
     return 17 + size;
 }
 
+/* In two parts, the second once the first has been read. */
+static void say_in_parts(int fd, const uint8_t *bytes, size_t size, size_t first)
+{
+    int64_t end_ms = now_ms() + DEADLINE_MS;
+    int unread = 1;
+
+    send(fd, bytes, first, MSG_NOSIGNAL);
+    while (!ioctl(fd, SIOCOUTQ, &unread) && unread)
+        assert_true(now_ms() < end_ms && (poll(NULL, 0, 1), 1));
+    send(fd, bytes + first, size - first, MSG_NOSIGNAL);
+}
+
 /* What nanomsg 1.1.5 has read of a connection that broke it takes for the beginning of
- * the next one: six bytes too many, and each of those breaks too. */
+ * the next one: six bytes too many, and each of those breaks too.  So broke one whose
+ * first words are not its own, and one with a message that is longer than any. */
 static void a_connection_that_broke_leaves_nothing_to_the_next(void **state)
 {
     (void)state;
-    const uint8_t foreign[14] = {[8] = 1};
+    static const struct {
+        uint8_t bytes[23];
+        size_t size, first;
+    } broken[] = {{{[8] = 1}, 14, 0},
+                  {{[8] = 1}, 14, 3},
+                  {{0, 'S', 'P', 0, 0, 32, 0, 0, 1, 0xff, 0xff}, 23, 0},
+                  {{0, 'S', 'P', 0, 0, 32, 0, 0, 1, 0xff, 0xff}, 23, 12}};
     uint8_t words[200];
     struct bus_message m;
-    struct bus *dsp = open_bus("dsp", 1);
-    int listener = listen_as_array(), connections[1000];
-    size_t n = 0, size = write_as_array(words);
 
-    assert_int_equal(bus_subscribe(dsp, topic_ping()), 0);
-    int64_t end_ms = now_ms() + DEADLINE_MS;
-    while (bus_receive(dsp, &m, 10)) {
-        assert_true(now_ms() < end_ms && n < 1000);
-        int fd = accept(listener, NULL, NULL);
-        if (fd < 0)
-            continue;
-        send(fd, n ? words : foreign, n ? size : sizeof foreign, MSG_NOSIGNAL);
-        connections[n++] = fd;
+    for (size_t b = 0; b < sizeof broken / sizeof *broken; b++) {
+        struct bus *dsp = open_bus("dsp", 1);
+        int listener = listen_as_array(), connections[1000];
+        size_t n = 0, size = write_as_array(words);
+        assert_int_equal(bus_subscribe(dsp, topic_ping()), 0);
+        int64_t end_ms = now_ms() + DEADLINE_MS;
+        while (bus_receive(dsp, &m, 10)) {
+            assert_true(now_ms() < end_ms && n < 1000);
+            int fd = accept(listener, NULL, NULL);
+            if (fd < 0)
+                continue;
+            if (n)
+                say_in_parts(fd, words, size, 3);
+            else
+                say_in_parts(fd, broken[b].bytes, broken[b].size, broken[b].first);
+            connections[n++] = fd;
+        }
+        assert_int_equal(m.envelope.payload_size, 7);
+        bus_message_free(&m);
+        assert_int_equal(n, 2);
+        bus_destroy(dsp);
+        while (n)
+            close(connections[--n]);
+        close(listener);
+        assert_int_equal(unlink(array_path()), 0);
     }
-    assert_int_equal(m.envelope.payload_size, 7);
-    bus_message_free(&m);
-    assert_int_equal(n, 2);
-    bus_destroy(dsp);
-    while (n)
-        close(connections[--n]);
-    close(listener);
 }
 
 static void a_tool_listens_and_publishes_nothing(void **state)

@@ -66,7 +66,7 @@ static struct detection seen(const struct scatterer *point)
 }
 
 /* One inside, and one 24 cm beyond a side that is louder by so many decibels. */
-static double existence_beside(double louder_db, double inside_z_m, bool at_any_range)
+static double existence_beside(double louder_db, double inside_z_m, bool of_power)
 {
     const struct scatterer points[2] = {
         {{-0.06, 0.0, inside_z_m}, 0.05},
@@ -75,9 +75,10 @@ static double existence_beside(double louder_db, double inside_z_m, bool at_any_
     struct scene s;
 
     open_scene(&s, points, 2);
-    assert_int_equal(
-        beyond_judge(&s.set, &s.rig.grid, RANGE_DB, at_any_range, s.pool, &d, 1), 0);
+    assert_int_equal(beyond_judge(&s.set, &s.rig.grid, RANGE_DB, of_power, s.pool, &d, 1),
+                     0);
     close_scene(&s);
+    assert_true(d.existence >= 0.0 && d.existence <= 1.0);
     return d.existence;
 }
 
@@ -115,14 +116,59 @@ static void what_is_outside_may_be_a_sidelobe_itself(void **state)
     (void)state;
     const struct scatterer points[2] = {{{0.06, 0.02, 1.1}, 1.0},
                                         {{-0.08, 0.02, 1.1}, 0.05}};
-    struct detection found[2] = {seen(&points[0]), seen(&points[1])};
     struct scene s;
 
     open_scene(&s, points, 2);
-    assert_int_equal(beyond_judge(&s.set, &s.rig.grid, RANGE_DB, false, s.pool, found, 2),
-                     0);
-    assert_true(found[0].existence == 1.0 && found[1].existence == 1.0);
+    for (int first = 0; first <= 1; first++) {
+        struct detection found[2] = {seen(&points[first]), seen(&points[!first])};
+        assert_int_equal(
+            beyond_judge(&s.set, &s.rig.grid, RANGE_DB, false, s.pool, found, 2), 0);
+        assert_true(found[0].existence == 1.0 && found[1].existence == 1.0);
+    }
     close_scene(&s);
+}
+
+/* An image of power shows what no phases agree about as objects; what is there, as far
+ * down as the coarse image tells, stays. */
+static void of_an_image_of_power_what_no_pings_agree_about_is_none(void **state)
+{
+    (void)state;
+    const struct scatterer points[2] = {{{0.06, 0.02, 1.1}, 1.0},
+                                        {{-0.08, 0.02, 1.0}, 0.15}};
+    const struct scatterer nothing = {{-0.12, -0.1, 1.2}, 1.0};
+
+    for (int power = 0; power <= 1; power++) {
+        struct detection found[3] = {seen(&points[0]), seen(&points[1]), seen(&nothing)};
+        struct scene s;
+        open_scene(&s, points, 2);
+        assert_int_equal(
+            beyond_judge(&s.set, &s.rig.grid, RANGE_DB, power, s.pool, found, 3), 0);
+        assert_true(found[0].existence > 0.999);
+        assert_true(found[1].existence > 0.9);
+        assert_true(power ? found[2].existence < 0.3 : found[2].existence > 0.999);
+        close_scene(&s);
+    }
+}
+
+/* A plate is as bright as its brightest part. */
+static void what_is_wide_is_heard_where_it_is_loudest(void **state)
+{
+    (void)state;
+    const struct scatterer points[2] = {{{0.12, 0.0, 1.1}, 1.0}, {{0.40, 0.0, 1.1}, 2.0}};
+    struct detection wide = seen(&points[0]), narrow;
+    struct scene s;
+
+    wide.position_m[0] = -0.12;
+    narrow = wide;
+    wide.extent_m[0] = 0.5;
+    open_scene(&s, points, 2);
+    assert_int_equal(beyond_judge(&s.set, &s.rig.grid, RANGE_DB, true, s.pool, &wide, 1),
+                     0);
+    assert_int_equal(
+        beyond_judge(&s.set, &s.rig.grid, RANGE_DB, true, s.pool, &narrow, 1), 0);
+    close_scene(&s);
+    assert_true(wide.existence > 0.8);
+    assert_true(narrow.existence < 0.3);
 }
 
 /* Of a point beyond a side or an end nothing is reported but what is at that border, or
@@ -186,6 +232,8 @@ int main(void)
         cmocka_unit_test(what_is_far_fainter_may_be_its_sidelobe),
         cmocka_unit_test(a_sidelobe_is_at_the_range_of_what_makes_it),
         cmocka_unit_test(what_is_outside_may_be_a_sidelobe_itself),
+        cmocka_unit_test(of_an_image_of_power_what_no_pings_agree_about_is_none),
+        cmocka_unit_test(what_is_wide_is_heard_where_it_is_loudest),
         cmocka_unit_test(nothing_is_reported_but_at_the_border_that_it_lies_beyond),
         cmocka_unit_test(an_array_that_cannot_be_imaged_so_is_left_alone),
     };
