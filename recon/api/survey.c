@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include <errno.h>
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -212,7 +213,7 @@ int anlos_survey_pings(struct anlos_survey *s, const double *xyz_m, size_t n,
     return 0;
 }
 
-/* Of each microphone, without points. */
+/* Of each microphone, without points; its number for a name. */
 static int make_responses(struct survey *s, struct anlos_error *why)
 {
     if (s->n_responses)
@@ -221,6 +222,9 @@ static int make_responses(struct survey *s, struct anlos_error *why)
     if (!s->responses)
         return api_fail(why, ANLOS_NO_MEMORY, "responses: out of memory");
     s->n_responses = s->n_microphones;
+    for (size_t i = 0; i < s->n_responses; i++)
+        snprintf(s->responses[i].serial, sizeof s->responses[i].serial, "microphone %zu",
+                 i);
     return 0;
 }
 

@@ -56,7 +56,7 @@ static inline double element(size_t i)
     return 0.08 * (double)i;
 }
 
-static inline struct anlos_survey *make_survey(size_t positions)
+static inline struct anlos_survey *make_survey_without_wall(size_t positions)
 {
     static const double x[] = {0.02, 0.24, 0.02}, y[] = {0, 0.22, 0.02},
                         z[] = {0.9, 1.5, 0.01};
@@ -75,6 +75,12 @@ static inline struct anlos_survey *make_survey(size_t positions)
     ok(anlos_survey_sampling(s, RATE_HZ, SLOT, 0, &why));
     ok(anlos_survey_sound_speed(s, SPEED, &why));
     ok(anlos_survey_volume(s, x, y, z, &why));
+    return s;
+}
+
+static inline struct anlos_survey *make_survey(size_t positions)
+{
+    struct anlos_survey *s = make_survey_without_wall(positions);
     ok(anlos_survey_add_wall(s, z_axis, WALL_M, 0, 0, &why));
     return s;
 }
