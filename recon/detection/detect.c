@@ -18,6 +18,7 @@
 #define MODEL_RANGE   1e-3 /* speed of sound known to 0.1 % */
 #define MODEL_GRID    0.1  /* of a voxel */
 #define MODEL_EXTENT  0.05 /* of an extended object's size */
+#define MODEL_POWER   0.05 /* of a width in an image of power; `paper`: 0.04 to 0.06 */
 #define POINT_VOXELS  4.0  /* that a point is wide when nothing better is known */
 #define POINT_WIDTHS  1.6  /* regions up to this many point widths are points */
 #define GUARD_WIDTHS  1.5  /* of a point, where its image has not faded into the noise */
@@ -244,6 +245,7 @@ static void describe(const struct search *s, const struct region *r, double stro
     memset(d, 0, sizeof *d);
     if (s->cfg->cfar)
         floor = cfar_at(s->cfg->cfar, s->volume, r->peak).noise;
+    static const int diagonal[3] = {0, 3, 5};
     struct peak_fit fit;
     double body_m[3];
     bool point = true;
@@ -270,6 +272,10 @@ static void describe(const struct search *s, const struct region *r, double stro
     else
         open_sideways(s, d);
     add_model_errors(s, d);
+    for (int a = 0; a < 3 && s->cfg->clipped; a++) {
+        double power_m = MODEL_POWER * fit.width_m[a];
+        d->covariance_m2[diagonal[a]] += power_m * power_m;
+    }
     d->level_db = 10.0 * log10(peak / floor);
     d->existence = existence(s, peak, floor + residue(s, r->peak, floor), strongest);
     d->shape = guess_shape(s, r);

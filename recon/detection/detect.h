@@ -30,7 +30,8 @@ struct detect_config {
     const struct clean *clean;      /* for objects_find: to look for what others hide
                                      * (recon/detection/clean); NULL: not done.  Not owned. */
     const struct cfar_map *map;     /* with cfar: of this grid; NULL: none.  Not owned. */
-    bool clipped;                   /* what is less than nothing is 0 */
+    bool clipped; /* an image of power: what is less than nothing is 0, and a place is
+                   * known to a twentieth of a point's width at best */
     const struct occupancy *occupied; /* with cfar: by what single pings tell, too; NULL:
                                        * they are not at hand.  Not owned. */
     bool followed;           /* by tracks, which know themselves that an object may go on

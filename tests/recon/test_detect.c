@@ -557,6 +557,30 @@ static void a_plate_that_goes_on_outside_has_no_known_middle_there(void **state)
 /* Of a method that has no negative values: what lies within the volume does not end where
  * its image is less than nothing beside it; where there is nothing up to the end, it may.
  */
+/* A Gaussian is 6 dB down at 3.33 of its sigma, here of 1.5 voxels; of that a twentieth,
+ * whatever the noise lets know. */
+static void a_place_in_an_image_of_power_is_known_to_a_part_of_its_width(void **state)
+{
+    (void)state;
+    double variance_m2[2][3];
+
+    for (int power = 0; power <= 1; power++) {
+        struct scene s;
+        scene_open(&s, true);
+        s.cfg.clipped = power;
+        add_point(&s, places[0][0], places[0][1], places[0][2], 60.0);
+        search(&s, 1.0);
+        assert_int_equal(s.n, 1);
+        for (int a = 0; a < 3; a++)
+            variance_m2[power][a] = s.found[0].covariance_m2[diagonal[a]];
+        scene_close(&s);
+    }
+    for (int a = 0; a < 3; a++) {
+        double more_m = sqrt(variance_m2[1][a] - variance_m2[0][a]);
+        assert_near(more_m / grid.step_m[a], 0.05 * 3.3302 * 1.5, 0.02);
+    }
+}
+
 static void what_is_clipped_beside_a_point_is_no_border(void **state)
 {
     (void)state;
@@ -748,6 +772,7 @@ int main(void)
             what_lies_outside_is_not_known_along_the_axis_that_it_is_outside_of),
         cmocka_unit_test(what_lies_behind_the_gate_is_not_known_in_depth),
         cmocka_unit_test(nor_has_what_goes_on_behind_the_gate),
+        cmocka_unit_test(a_place_in_an_image_of_power_is_known_to_a_part_of_its_width),
         cmocka_unit_test(what_is_clipped_beside_a_point_is_no_border),
         cmocka_unit_test(a_plate_that_goes_on_outside_has_no_known_middle_there),
         cmocka_unit_test(what_is_followed_has_the_place_of_what_is_seen_of_it),
