@@ -69,8 +69,8 @@ static struct detection seen(const struct scatterer *point)
 static double existence_beside(double louder_db, double inside_z_m, bool of_power)
 {
     const struct scatterer points[2] = {
-        {{-0.06, 0.0, inside_z_m}, 0.05},
-        {{0.40, 0.0, 1.1}, 0.05 * pow(10.0, louder_db / 20.0)}};
+        {{-0.12, 0.13, inside_z_m}, 0.05},
+        {{0.40, 0.0, 1.2}, 0.05 * pow(10.0, louder_db / 20.0)}};
     struct detection d = seen(&points[0]);
     struct scene s;
 
