@@ -117,6 +117,8 @@ static int open_parts(struct array_alsa *a, const struct device *d, struct error
     if (!err)
         err = firing_from_device(&firing, d, why);
     if (!err)
+        err = firing_refuse_jitter(&firing, "not of a sound card", why);
+    if (!err)
         err = firing_apply(&a->rig.survey, &firing, why);
     if (!background)
         background = a->rig.background;

@@ -128,6 +128,9 @@ void room_add_noise(const struct room *r, double t_s, const uint64_t *words,
     float rms = (float)noise_rms(r, t_s);
     struct random random;
     slams_add(&r->slams, t_s, samples, stride, n);
+    for (unsigned i = 0; i < r->scene->noise->n_tones; i++)
+        tone_add(&r->scene->noise->tones[i], &r->drive, t_s, r->survey.sample_rate_hz,
+                 r->survey.n_microphones, samples, stride, n);
     if (!(rms > 0))
         return;
     random_seed(&random, words, n_words);

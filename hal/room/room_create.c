@@ -113,6 +113,19 @@ static int create_renderer(struct room *r)
     return err;
 }
 
+static int create_interferers(struct room *r)
+{
+    const struct survey *s = &r->survey;
+    double heard_s = (double)(r->n_heard - r->n_chirp) / s->sample_rate_hz;
+    const struct interferers_config cfg = {.scene = r->scene,
+                                           .survey = s,
+                                           .mirror = &r->world.mirror,
+                                           .faults = &r->faults,
+                                           .sound_speed_m_s = r->sound_speed_m_s,
+                                           .longest_m = heard_s * r->sound_speed_m_s};
+    return interferers_create(&r->interferers, &cfg);
+}
+
 /* Mean square of the objects' echoes over a recording, from some positions of it. */
 static int measure_echoes(struct room *r, double *power)
 {
@@ -213,6 +226,8 @@ static int complete(struct room *r)
     if (!err)
         err = create_renderer(r);
     if (!err)
+        err = create_interferers(r);
+    if (!err)
         err = set_noise(r);
     return err ? err : set_sights(r);
 }
@@ -235,6 +250,8 @@ int room_load_drawn(struct room **out, const char *path, const struct firing *fi
     int err = scene_load(&r->scene, &r->survey, path, why);
     if (!err && firing)
         err = firing_apply(&r->survey, firing, why);
+    if (!err && firing)
+        r->jitter_samples = (size_t)firing->jitter_samples;
     if (err)
         goto fail;
     r->scene->seed = draw_seed(r->scene->seed, draw);
@@ -288,6 +305,7 @@ void room_destroy(struct room *r)
     drive_clear(&r->drive);
     faults_clear(&r->faults);
     slams_clear(&r->slams);
+    interferers_clear(&r->interferers);
     pose_clear(&r->pose);
     world_clear(&r->world);
     survey_clear(&r->survey);

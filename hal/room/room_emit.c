@@ -108,6 +108,33 @@ static double drive_sound_speed_m_s(const struct room *r, enum pass pass, double
            survey_sound_speed_m_s(base_c);
 }
 
+void room_hear_interferer(struct room *r, size_t interferer, size_t speaker, double t_s,
+                          double latency_samples)
+{
+    struct interferers *all = &r->interferers;
+    const struct interferer *i = &all->list[interferer];
+    const struct survey *s = &r->survey;
+    double at_s = drive_time_s(&r->drive, t_s);
+    struct drive_frame frame;
+    bool stands;
+    struct emitter_scene scene = {
+        .sound_speed_m_s = drive_sound_speed_m_s(r, PASS_SCENE, at_s),
+        .latency_samples = latency_samples,
+        .microphones = r->microphones,
+        .microphone_images = r->microphone_images,
+        .clutter = r->traffic.clutter,
+        .n_clutter = r->world.clutter.n,
+        .mirror = &r->world.mirror,
+        .direct_gain = i->direct,
+        .wall_echo_gain = i->wall_echo};
+    move_array(r, 0, at_s, &scene, &frame, &stands);
+    scene.source = (struct doppler_point){.velocity_m_s = {0, 0, 0}};
+    memcpy(scene.source.at_m, i->speakers_m[speaker], sizeof scene.source.at_m);
+    doppler_mirror(s->wall_normal, s->wall_distance_m, &scene.source,
+                   &scene.source_image);
+    emitter_execute(i->emitter, &scene, all->heard);
+}
+
 static int hear_drive(struct room *r, const struct room_emission *e)
 {
     const struct scene_wall *wall = r->scene->wall_sound;

@@ -7,12 +7,14 @@
 #include "hal/room/drive.h"
 #include "hal/room/emitter.h"
 #include "hal/room/faults.h"
+#include "hal/room/interferer.h"
 #include "hal/room/pose.h"
 #include "hal/room/propagate.h"
 #include "hal/room/room.h"
 #include "hal/room/scene.h"
 #include "hal/room/sight.h"
 #include "hal/room/slams.h"
+#include "hal/room/tones.h"
 #include "hal/room/traffic.h"
 #include "hal/room/world.h"
 
@@ -33,6 +35,8 @@ struct room {
     double sound_speed_m_s, temperature_c, latency_samples; /* as they are */
     struct faults faults;
     struct slams slams;
+    struct interferers interferers;
+    size_t jitter_samples; /* of our emissions */
     struct world world;
     struct pose pose;
     struct drive drive;
@@ -62,6 +66,11 @@ int room_prepare_on(struct room *r, const struct room_emission *e);
 
 /* An emission into r->heard, without noise.  0, -EINVAL, -ENOMEM. */
 int room_hear(struct room *r, const struct room_emission *e);
+
+/* An interferer's emission, from where everything is at its time; latency_samples: when
+ * it begins, after sample 0 of what is heard then, r->interferers.heard. */
+void room_hear_interferer(struct room *r, size_t interferer, size_t speaker, double t_s,
+                          double latency_samples);
 
 /* Does nothing stand between an object's centre and the array's? */
 bool room_sees(const struct room *r, size_t object, double t_s);

@@ -106,6 +106,13 @@ static const cyaml_schema_field_t slam_fields[] = {
     VECTOR_PTR(scene_slam, position_m, 3), CYAML_FIELD_END};
 static const cyaml_schema_value_t slam_schema = {
     CYAML_VALUE_MAPPING(CYAML_FLAG_DEFAULT, struct scene_slam, slam_fields)};
+static const cyaml_schema_field_t tone_fields[] = {
+    NUMBER(scene_tone, frequency_hz, CYAML_FLAG_DEFAULT),
+    NUMBER(scene_tone, rms, CYAML_FLAG_DEFAULT),
+    CYAML_FIELD_UINT("harmonics", OPTIONAL, struct scene_tone, harmonics),
+    VECTOR_PTR(scene_tone, during_s, 2), CYAML_FIELD_END};
+static const cyaml_schema_value_t tone_schema = {
+    CYAML_VALUE_MAPPING(CYAML_FLAG_DEFAULT, struct scene_tone, tone_fields)};
 static const cyaml_schema_field_t noise_fields[] = {
     NUMBER_PTR(scene_noise, snr_db),
     NUMBER_PTR(scene_noise, at_m),
@@ -114,7 +121,23 @@ static const cyaml_schema_field_t noise_fields[] = {
                                rises, n_rises, &rise_schema, 1, 100),
     CYAML_FIELD_SEQUENCE_COUNT("slams", CYAML_FLAG_POINTER | OPTIONAL, struct scene_noise,
                                slams, n_slams, &slam_schema, 1, 1000),
+    CYAML_FIELD_SEQUENCE_COUNT("tones", CYAML_FLAG_POINTER | OPTIONAL, struct scene_noise,
+                               tones, n_tones, &tone_schema, 1, 100),
     CYAML_FIELD_END};
+static const cyaml_schema_field_t interferer_fields[] = {
+    CYAML_FIELD_SEQUENCE_FIXED("position_m", CYAML_FLAG_DEFAULT, struct scene_interferer,
+                               position_m, &survey_yaml_number, 3),
+    NUMBER(scene_interferer, turn_deg, OPTIONAL),
+    NUMBER(scene_interferer, start_s, OPTIONAL),
+    NUMBER(scene_interferer, clock_ppm, OPTIONAL),
+    CYAML_FIELD_UINT_PTR("slot_samples", OPTIONAL, struct scene_interferer, slot_samples),
+    CYAML_FIELD_UINT("jitter_samples", OPTIONAL, struct scene_interferer, jitter_samples),
+    NUMBER(scene_interferer, level_db, OPTIONAL),
+    CYAML_FIELD_BOOL("down", OPTIONAL, struct scene_interferer, down),
+    VECTOR_PTR(scene_interferer, during_s, 2),
+    CYAML_FIELD_END};
+static const cyaml_schema_value_t interferer_schema = {
+    CYAML_VALUE_MAPPING(CYAML_FLAG_DEFAULT, struct scene_interferer, interferer_fields)};
 static const cyaml_schema_field_t motion_fields[] = {
     NUMBER(scene_motion, t_s, CYAML_FLAG_DEFAULT),
     NUMBER(scene_motion, speed_m_s, CYAML_FLAG_DEFAULT),
@@ -178,6 +201,8 @@ static const cyaml_schema_field_t scene_fields[] = {
     PART(faults, faults_fields),
     PART(drive, drive_fields),
     PART(drawn, drawn_fields),
+    CYAML_FIELD_SEQUENCE_COUNT("interferers", CYAML_FLAG_POINTER | OPTIONAL, struct scene,
+                               interferers, n_interferers, &interferer_schema, 1, 8),
     CYAML_FIELD_SEQUENCE_COUNT("building", CYAML_FLAG_POINTER | OPTIONAL, struct scene,
                                building, n_building, &pair, 3, 100),
     CYAML_FIELD_SEQUENCE_COUNT("objects", CYAML_FLAG_POINTER | OPTIONAL, struct scene,

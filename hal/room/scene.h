@@ -102,6 +102,14 @@ struct scene_slam {     /* a door, a stone: noise that begins at once and fades 
                            it at that time */
 };
 
+struct scene_tone { /* electrical: a supply, the mains */
+    double frequency_hz;
+    double rms; /* full scale +-1, of the first harmonic, in all microphones alike */
+    uint32_t
+        harmonics; /* of them, up to half the rate, the n-th 1 / n as loud; 0, 1: one */
+    double *during_s; /* [2] drive: from one time to another */
+};
+
 struct scene_noise {
     double *snr_db; /* power of the objects' echoes in the recording over the noise's */
     double *at_m;   /* snr_db: in place of the objects, of a person at this range (half
@@ -111,6 +119,21 @@ struct scene_noise {
     unsigned n_rises;
     struct scene_slam *slams;
     unsigned n_slams;
+    struct scene_tone *tones;
+    unsigned n_tones;
+};
+
+/* Another vehicle's array of the same design, hal/room/interferer.h.  It stands. */
+struct scene_interferer {
+    double position_m[3];   /* the middle of its speakers */
+    double turn_deg;        /* about the upright axis; 0: it looks where ours does */
+    double start_s;         /* its first emission, in world time */
+    double clock_ppm;       /* its clock is so much faster */
+    uint32_t *slot_samples; /* of its clock; default: as many as ours */
+    uint32_t jitter_samples;
+    double level_db;  /* against our speakers */
+    bool down;        /* its chirps run from their stop to their start */
+    double *during_s; /* [2] only from one time of the drive to another */
 };
 
 struct scene_motion {
@@ -178,6 +201,8 @@ struct scene {
     struct scene_faults *faults;
     struct scene_drive *drive;
     struct scene_drawn *drawn;
+    struct scene_interferer *interferers; /* drive */
+    unsigned n_interferers;
     double (*building)[2]; /* [n_building] x, z: an outline that hides things from view;
                               for the truth alone, sound does not know it */
     unsigned n_building;

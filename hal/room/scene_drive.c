@@ -148,6 +148,49 @@ static int check_slam(const struct scene_slam *slam, unsigned index, double peri
     return err;
 }
 
+static int check_tone(const struct scene_tone *tone, unsigned index, double period_s,
+                      const char *path, struct error *why)
+{
+    char key[64];
+    snprintf(key, sizeof key, "noise.tones[%u].frequency_hz", index);
+    int err = check_value(tone->frequency_hz, (struct span){1, 1e5}, key, path, why);
+    snprintf(key, sizeof key, "noise.tones[%u].rms", index);
+    if (!err)
+        err = check_value(tone->rms, (struct span){0, 10}, key, path, why);
+    snprintf(key, sizeof key, "noise.tones[%u].during_s", index);
+    return !err && tone->during_s ? check_during(tone->during_s, period_s, key, path, why)
+                                  : err;
+}
+
+static int check_interferer(const struct scene_interferer *i, unsigned index,
+                            double period_s, const char *path, struct error *why)
+{
+    const struct {
+        const char *key;
+        double value;
+        struct span span;
+    } rules[] = {
+        {"turn_deg", i->turn_deg, {-360, 360}},
+        {"start_s", i->start_s, {0, 10}},
+        {"clock_ppm", i->clock_ppm, {-1e4, 1e4}},
+        {"slot_samples", i->slot_samples ? *i->slot_samples : 1, {1, 1e6}},
+        {"jitter_samples", i->jitter_samples, {0, 1e6}},
+        {"level_db", i->level_db, {-100, 100}},
+    };
+    char key[64];
+    int err = 0;
+    snprintf(key, sizeof key, "interferers[%u].position_m", index);
+    for (int a = 0; a < 3 && !err; a++)
+        err = check_value(i->position_m[a], (struct span){-100, 100}, key, path, why);
+    for (size_t k = 0; k < sizeof rules / sizeof *rules && !err; k++) {
+        snprintf(key, sizeof key, "interferers[%u].%s", index, rules[k].key);
+        err = check_value(rules[k].value, rules[k].span, key, path, why);
+    }
+    snprintf(key, sizeof key, "interferers[%u].during_s", index);
+    return !err && i->during_s ? check_during(i->during_s, period_s, key, path, why)
+                               : err;
+}
+
 /* What comes and goes; period_s 0: nothing may. */
 static int check_spans(const struct scene *s, double period_s, const char *path,
                        struct error *why)
@@ -163,6 +206,8 @@ static int check_spans(const struct scene *s, double period_s, const char *path,
         bool given;
     } timed[] = {{"noise.rises", s->noise->n_rises},
                  {"noise.slams", s->noise->n_slams},
+                 {"noise.tones", s->noise->n_tones},
+                 {"interferers", s->n_interferers},
                  {"drift.rate_c_min", s->drift->rate_c_min != 0}};
     char key[64];
     int err = 0;
@@ -174,6 +219,10 @@ static int check_spans(const struct scene *s, double period_s, const char *path,
                       "drift.rate_c_min", path, why);
     for (unsigned i = 0; i < s->noise->n_slams && !err; i++)
         err = check_slam(&s->noise->slams[i], i, period_s, path, why);
+    for (unsigned i = 0; i < s->noise->n_tones && !err; i++)
+        err = check_tone(&s->noise->tones[i], i, period_s, path, why);
+    for (unsigned i = 0; i < s->n_interferers && !err; i++)
+        err = check_interferer(&s->interferers[i], i, period_s, path, why);
     for (unsigned i = 0; i < s->noise->n_rises && !err; i++) {
         const struct scene_rise *rise = &s->noise->rises[i];
         snprintf(key, sizeof key, "noise.rises[%u].during_s", i);

@@ -2,6 +2,7 @@
 #include "hal/room/stream.h"
 
 #include <errno.h>
+#include <math.h>
 #include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
@@ -18,6 +19,7 @@ struct room_stream {
     uint64_t base;         /* sample of the stream where the line begins */
     uint64_t next;         /* emission to render next */
     uint64_t next_slot;    /* of which to add the noise next */
+    uint64_t *interferes;  /* [interferers.n]: emission of each to render next */
     uint64_t asked;        /* pings before this one may not be asked for */
     float *line;           /* [n_microphones][n_line] */
     float *ping;           /* [n_microphones][n_ping] */
@@ -45,7 +47,8 @@ int room_stream_create(struct room_stream **out, struct room *r,
     s->speakers = malloc(cfg->n_speakers * sizeof *s->speakers);
     s->line = calloc(n_microphones * s->n_line, sizeof *s->line);
     s->ping = calloc(n_microphones * s->n_ping, sizeof *s->ping);
-    if (!s->speakers || !s->line || !s->ping) {
+    s->interferes = calloc(r->interferers.n + 1, sizeof *s->interferes);
+    if (!s->speakers || !s->line || !s->ping || !s->interferes) {
         room_stream_destroy(s);
         return -ENOMEM;
     }
@@ -59,6 +62,7 @@ void room_stream_destroy(struct room_stream *s)
     if (!s)
         return;
     free(s->speakers);
+    free(s->interferes);
     free(s->line);
     free(s->ping);
     free(s);
@@ -70,7 +74,9 @@ uint64_t room_stream_start(const struct room_stream *s, uint64_t n)
     uint64_t round = n / s->n_speakers;
     uint64_t slot = round * survey_slots(survey, s->n_speakers) +
                     survey_slot_of(survey, n % s->n_speakers);
-    return slot * survey->slot_samples;
+    size_t jitter = s->room->jitter_samples;
+    return slot * (survey->slot_samples + jitter) +
+           firing_jitter(jitter, s->room->scene->seed, slot);
 }
 
 /* Lets the line begin at a later sample. */
@@ -108,6 +114,24 @@ static void add_noise(struct room_stream *s, uint64_t until)
     }
 }
 
+/* Heard sound [n_microphones][n] onto the line from a sample of the stream on; what comes
+ * before the line is over. */
+static void add_heard(struct room_stream *s, const float *heard, size_t n, int64_t start)
+{
+    int64_t base = (int64_t)s->base;
+    size_t skip = start < base ? (size_t)(base - start) : 0;
+    size_t at = start < base ? 0 : (size_t)(start - base);
+    if (skip >= n || at >= s->n_line)
+        return;
+    size_t left = n - skip, room = s->n_line - at;
+    for (size_t m = 0; m < s->room->survey.n_microphones; m++) {
+        const float *from = heard + m * n + skip;
+        float *line = s->line + m * s->n_line + at;
+        for (size_t i = 0; i < left && i < room; i++)
+            line[i] += from[i];
+    }
+}
+
 static int add_emission(struct room_stream *s, uint64_t n)
 {
     struct room *r = s->room;
@@ -124,20 +148,38 @@ static int add_emission(struct room_stream *s, uint64_t n)
     int err = room_hear(r, &e);
     if (err)
         return err;
-    size_t skip = start < s->base ? (size_t)(s->base - start) : 0;
     size_t at = start < s->base ? 0 : (size_t)(start - s->base);
-    size_t left = r->n_heard - skip, room = s->n_line - at;
-    for (size_t m = 0; m < r->survey.n_microphones; m++) {
-        const float *heard = r->heard + m * r->n_heard + skip;
-        float *line = s->line + m * s->n_line + at;
-        for (size_t i = 0; i < left && i < room; i++)
-            line[i] += heard[i];
-    }
+    add_heard(s, r->heard, r->n_heard, (int64_t)start);
     uint64_t words[] = {r->scene->seed, s->pass, ROOM_NOISE_STREAM, n};
-    if (!skip)
+    if (start >= s->base)
         faults_add_noise(&r->faults, words, e.speaker, s->line + at, s->n_line,
                          r->survey.slot_samples);
     return 0;
+}
+
+/* Its sound, by the microphones' cables. */
+static void add_interferer(struct room_stream *s, size_t interferer, uint64_t until)
+{
+    struct room *r = s->room;
+    struct interferers *all = &r->interferers;
+    const struct interferer *i = &all->list[interferer];
+    double rate_hz = r->survey.sample_rate_hz;
+    double since_s = s->cfg.start_s + (double)s->base / rate_hz;
+    double until_s = s->cfg.start_s + (double)until / rate_hz;
+    uint64_t first = interferer_next(i, since_s - (double)all->n_heard / rate_hz);
+    uint64_t *next = &s->interferes[interferer];
+    struct interferer_emission e;
+    *next = *next > first ? *next : first;
+    for (;; ++*next) {
+        interferer_emission(i, r->scene->drive->period_s, *next, &e);
+        if (e.t_s >= until_s)
+            break;
+        double at = (e.t_s - s->cfg.start_s) * rate_hz;
+        if (!e.sounds || at + (double)all->n_heard <= (double)s->base)
+            continue;
+        room_hear_interferer(r, interferer, e.speaker, e.t_s, at - floor(at));
+        add_heard(s, all->heard, all->n_heard, (int64_t)floor(at));
+    }
 }
 
 int room_stream_ping(struct room_stream *s, uint64_t n, const float **samples)
@@ -147,6 +189,8 @@ int room_stream_ping(struct room_stream *s, uint64_t n, const float **samples)
     if (n < s->asked)
         return -EINVAL;
     s->asked = n;
+    if (r->jitter_samples && start - s->base <= r->n_heard) /* between two pings, too */
+        add_noise(s, start);
     advance(s, start);
     add_noise(s, start + s->n_ping);
     for (; room_stream_start(s, s->next) < start + s->n_ping; s->next++) {
@@ -157,6 +201,8 @@ int room_stream_ping(struct room_stream *s, uint64_t n, const float **samples)
         if (err)
             return err;
     }
+    for (size_t i = 0; i < r->interferers.n && s->cfg.pass == PASS_SCENE; i++)
+        add_interferer(s, i, start + s->n_ping);
     for (size_t m = 0; m < r->survey.n_microphones; m++)
         memcpy(s->ping + m * s->n_ping, s->line + m * s->n_line,
                s->n_ping * sizeof *s->ping);

@@ -5,6 +5,10 @@
 #include <math.h>
 #include <string.h>
 
+#include "hal/random.h"
+
+enum { STREAM_JITTER = 17 };
+
 #define MOST_SAMPLES 1e6
 #define MOST_S       1.0
 #define MOST_M       100.0
@@ -34,6 +38,8 @@ int firing_from_device(struct firing *out, const struct device *d, struct error 
         err = device_number(d, "chirp_s", 1e-6, MOST_S, &out->chirp_s, why);
     if (!err)
         err = device_number(d, "far_m", 1e-3, MOST_M, &out->far_m, why);
+    if (!err)
+        err = whole_number(d, "jitter_samples", MOST_SAMPLES, &out->jitter_samples, why);
     int both = err ? err : device_choice(d, "alternates", ways, why);
     if (both >= 0 && device_option(d, "alternates"))
         out->chirps = both ? FIRING_BOTH_WAYS : FIRING_ONE_WAY;
@@ -41,6 +47,13 @@ int firing_from_device(struct firing *out, const struct device *d, struct error 
     if (on >= 0 && device_option(d, "continuous"))
         out->stage = on ? FIRING_STAGE_GOES_ON : FIRING_STAGE_STOPS;
     return on < 0 ? on : 0;
+}
+
+int firing_refuse_jitter(const struct firing *f, const char *why_not, struct error *why)
+{
+    return f->jitter_samples > 0.0
+               ? error_say(why, -EINVAL, "option jitter_samples: %s", why_not)
+               : 0;
 }
 
 int firing_from_uri(struct firing *out, const char *uri, struct error *why)
@@ -83,4 +96,14 @@ int firing_apply(struct survey *s, const struct firing *f, struct error *why)
         s->continuous = f->stage == FIRING_STAGE_GOES_ON;
     int err = survey_check(s, &inner);
     return err ? error_say(why, err, "with the options of the array: %s", inner.text) : 0;
+}
+
+size_t firing_jitter(size_t jitter_samples, uint64_t seed, uint64_t slot)
+{
+    struct random r;
+
+    if (!jitter_samples)
+        return 0;
+    random_seed(&r, (uint64_t[]){seed, STREAM_JITTER, slot}, 3);
+    return (size_t)(random_even(&r) * (double)(jitter_samples + 1));
 }
