@@ -9,6 +9,7 @@
 
 #include "dsp/blanker.h"
 #include "recon/frontend/channel_check.h"
+#include "recon/frontend/interference.h"
 #include "recon/frontend/mean_background.h"
 #include "recon/frontend/recorded_background.h"
 
@@ -40,6 +41,7 @@ struct frontend {
     struct recorded_background *recorded;
     struct mean_background *mean; /* of a static array */
     struct blanker *blanker;
+    struct interference *interference;
     struct channel_check *check; /* of one ping at a time */
     unsigned *noticed;           /* [n_microphones], faults said already */
     bool missing_noticed;        /* a speaker's background */
@@ -71,6 +73,7 @@ void frontend_forget(struct frontend *f)
     recorded_background_destroy(f->recorded);
     mean_background_destroy(f->mean);
     blanker_destroy(f->blanker);
+    interference_destroy(f->interference);
     wall_receiver_clear(&f->receiver);
     self_test_destroy(f->self_test);
     channel_check_destroy(f->check);
@@ -116,6 +119,8 @@ static int allocate(struct frontend *f)
     int err = channel_check_create(&f->check, n_mics, 1);
     if (!err)
         err = create_blanker(f);
+    if (!err)
+        err = interference_create(&f->interference, &f->survey, &f->format);
     if (!err)
         err = mean_background_create(&f->mean, f->survey.n_speakers, n_mics,
                                      f->format.n_samples, f->cfg.background_s);
@@ -423,6 +428,33 @@ static bool subtract_background(struct frontend *f, const struct ping *ping,
                : recorded_background_subtract(f->recorded, ping, f->masked, f->traces);
 }
 
+/* -- another array
+ * -----------------------------------------------------------------------
+ */
+
+/* Takes out what another array made of a ping, which the background does not learn. true:
+ * one is present. */
+static bool excise_foreign(struct frontend *f, const struct ping *ping, bool subtracted)
+{
+    size_t n = f->survey.n_microphones * f->format.n_samples;
+    struct ego_motion now = {.speed_m_s = 0};
+    struct interference_levels levels;
+
+    ego_path_at(&f->ego, ping->capture_ns, &now);
+    const uint8_t *foreign = interference_ping(
+        f->interference, &(struct interference_ping){.ping = ping,
+                                                     .subtracted = subtracted,
+                                                     .speed_m_s = now.speed_m_s,
+                                                     .traces = f->traces,
+                                                     .masked = f->masked});
+    for (size_t k = 0; foreign && k < n; k++)
+        f->traces[k] = foreign[k] ? 0.0f : f->traces[k];
+    if (foreign && f->cfg.background == BACKGROUND_ADAPTIVE)
+        mean_background_excise(f->mean, foreign);
+    interference_levels(f->interference, &levels);
+    return levels.present;
+}
+
 /* -- pings ------------------------------------------------------------------------------
  */
 
@@ -508,6 +540,10 @@ void frontend_ping(struct frontend *f, const struct ping *ping,
     bool blanked, subtracted = subtract_background(f, ping, &blanked);
     if (subtracted && !ping->frame && !out->note[0])
         recorded_background_judge(f->recorded, out->note, sizeof out->note);
+    if (blanked)
+        interference_break(f->interference);
+    else if (ping->frame && excise_foreign(f, ping, subtracted))
+        subtracted = false; /* what is left is not only what moves */
     write_traces(f, ping, &out->traces);
     out->traces.clipped_samples = clipped;
     out->traces.background_subtracted = subtracted;
@@ -529,6 +565,13 @@ bool frontend_judge(struct frontend *f, const struct ping *ping,
     self_test_ping(f->self_test, ping, f->judges_whole ? f->whole : NULL, out, note,
                    note_size);
     return true;
+}
+
+void frontend_interference(const struct frontend *f, struct interference_levels *out)
+{
+    *out = (struct interference_levels){.present = false};
+    if (f->interference)
+        interference_levels(f->interference, out);
 }
 
 const struct air *frontend_air(const struct frontend *f)

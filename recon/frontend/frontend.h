@@ -11,7 +11,9 @@
  * whether it does; the mean restarts when it stands again.  A ping of a static array
  * that a sound from outside drowned (dsp/blanker.h) is blanked: its traces are empty, all
  * microphones masked, and neither it nor the one before, which may hold its beginning,
- * counts into the mean.
+ * counts into the mean.  While another array is heard (recon/frontend/interference.h) its
+ * chirps are taken out of each ping and of the mean, and no background counts as
+ * subtracted: what is left is not only what moves.
  *
  * Where walls are heard, the same pulse compression gives what arrived from the emission
  * on, before anything is subtracted (recon/walls/wall_receiver.h), also of background
@@ -30,6 +32,7 @@
 #include "recon/ego.h"
 #include "recon/frontend/air.h"
 #include "recon/frontend/compressor.h"
+#include "recon/frontend/interference.h"
 #include "recon/frontend/self_test.h"
 #include "recon/ping.h"
 #include "recon/survey.h"
@@ -109,6 +112,9 @@ struct self_test *frontend_self_test(const struct frontend *f, const char **why)
  * nobody judges, or the ping is none of this survey. */
 bool frontend_judge(struct frontend *f, const struct ping *ping,
                     struct self_test_faults *out, char *note, size_t note_size);
+
+/* Is another array heard (recon/frontend/interference.h)?  Of a static array. */
+void frontend_interference(const struct frontend *f, struct interference_levels *out);
 
 /* Of the scan that the newest ping belongs to. */
 const struct air *frontend_air(const struct frontend *f);

@@ -66,6 +66,15 @@ void mean_background_drop(struct mean_background *b)
     b->waiting.any = false;
 }
 
+void mean_background_excise(struct mean_background *b, const uint8_t *foreign)
+{
+    const float complex *mean = trace_mean_of(b->mean, b->waiting.speaker);
+
+    for (size_t k = 0; b->waiting.any && k < b->n_microphones * b->n_samples; k++)
+        if (foreign[k])
+            b->waiting.traces[k] = mean[k];
+}
+
 const float complex *mean_background_record(struct mean_background *b,
                                             const struct ping *ping,
                                             float complex *traces)

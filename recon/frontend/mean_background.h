@@ -39,6 +39,10 @@ bool mean_background_subtract(struct mean_background *b, size_t speaker,
 /* The newest traces that were given do not count, for they may be spoiled. */
 void mean_background_drop(struct mean_background *b);
 
+/* Of the newest traces that were given, samples that are foreign (1 of [n_microphones]
+ * [n_samples]) do not count: as much is heard there as before. */
+void mean_background_excise(struct mean_background *b, const uint8_t *foreign);
+
 /* What was heard does not count any more. */
 void mean_background_reset(struct mean_background *b);
 void mean_background_destroy(struct mean_background *b);

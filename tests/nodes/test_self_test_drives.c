@@ -42,6 +42,7 @@ struct drive {
     const char *why;
     struct self_test_faults faults;
     struct self_test_levels levels;
+    struct interference_levels interference;
     int64_t ego_ns;
     char note[512];
 };
@@ -115,6 +116,7 @@ static double go_on(struct drive *d)
     }
     assert_true(frontend_judge(d->frontend, &ping, &d->faults, d->note, sizeof d->note));
     self_test_levels(judge, &d->levels);
+    frontend_interference(d->frontend, &d->interference);
     return 1e-9 * (double)(stamp_ns - d->world.begin_ns);
 }
 
@@ -136,7 +138,7 @@ static void where_nothing_is_wrong_nothing_is_said(void **state)
         start(&d, path);
         while (t_s < DRIVE_S) {
             t_s = go_on(&d);
-            if (d.levels.limited || d.note[0])
+            if (d.levels.limited || d.note[0] || d.interference.present)
                 fail_msg("%s at %.2f s: %.2f m, noise %.1f dB, echo %.1f; %s", scenes[i],
                          t_s, d.levels.range_m, d.levels.noise_db, d.levels.echo_db,
                          d.note);
@@ -310,10 +312,43 @@ static void a_knocked_element_is_named_within_ten_seconds(void **state)
     }
 }
 
+/* From when it sounds until 1.2 s after: 48 pings of ours. */
+static void another_array_is_known_within_a_second_and_gone_soon_after(void **state)
+{
+    char path[] = "/tmp/anlos_drive_XXXXXX";
+    struct drive d;
+    double t_s = 0.0;
+
+    (void)state;
+    int fd = mkstemp(path);
+    FILE *out = fd < 0 ? NULL : fdopen(fd, "w");
+    FILE *in = fopen(SCENES "street-empty-meets.yaml", "r");
+    assert_non_null(out);
+    assert_non_null(in);
+    for (char line[512]; fgets(line, sizeof line, in);)
+        fputs(!strcmp(line, "     slot_samples: 1440}\n")
+                  ? "     slot_samples: 1440, during_s: [1.5, 3]}\n"
+                  : line,
+              out);
+    fclose(in);
+    fclose(out);
+    start(&d, path);
+    unlink(path);
+    while (t_s < 5.0 && t_s < DRIVE_S + 2.5) {
+        t_s = go_on(&d);
+        bool wrong = (t_s < 1.5 || t_s > 4.3) && d.interference.present;
+        wrong |= t_s > 2.5 && t_s < 3.0 && !d.interference.present;
+        if (wrong)
+            fail_msg("%.2f s: %d", t_s, d.interference.present);
+    }
+    stop(&d);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(where_nothing_is_wrong_nothing_is_said),
+        cmocka_unit_test(another_array_is_known_within_a_second_and_gone_soon_after),
         cmocka_unit_test(noise_25_db_up_degrades_and_says_how_far_it_reaches),
         cmocka_unit_test(a_covered_element_blocks_within_two_seconds),
         cmocka_unit_test(a_knocked_element_is_named_within_ten_seconds),
