@@ -83,6 +83,7 @@ enum anlos_source {
 #define ANLOS_FAULT_RANGE_REDUCED       0x1000u
 #define ANLOS_FAULT_ELEMENTS_COVERED    0x2000u
 #define ANLOS_FAULT_ELEMENTS_MOVED      0x4000u
+#define ANLOS_FAULT_INTERFERENCE        0x8000u
 
 enum anlos_quality {
     ANLOS_NOT_AVAILABLE =

@@ -33,7 +33,7 @@ SOURCES = ("Live", "Replay", "Simulation", None)
 FAULTS = ("ImageStale", "EgoMotionMissing", "TemperatureUnknown", "ChannelsDead",
           "ElementErrors", "WallLost", "ClockJump", "InputE2eWrong", "ArrayAway",
           "NodeLost", "Clipped", "ListsDropped", "RangeReduced", "ElementsCovered",
-          "ElementsMoved", "Fault15")
+          "ElementsMoved", "Interference")
 MEASUREMENTS = ("New", "Measured", "Predicted", "Deleted")
 CLASSES = ("Unknown", "Point", "Plate", "Extended", "Multipath")
 MOTIONS = ("Unknown", "Standing", "Moving")

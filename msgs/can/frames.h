@@ -66,6 +66,7 @@ enum can_fault { /* bits of the status; what each means is in the DBC */
                  CAN_FAULT_RANGE_REDUCED,
                  CAN_FAULT_ELEMENTS_COVERED,
                  CAN_FAULT_ELEMENTS_MOVED,
+                 CAN_FAULT_INTERFERENCE,
                  CAN_FAULTS
 };
 

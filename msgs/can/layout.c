@@ -243,6 +243,7 @@ static const char *const troubles[] = {"None",
                                        "RangeReduced",
                                        "ElementsCovered",
                                        "ElementsMoved",
+                                       "Interference",
                                        NULL};
 #define FAULTS (troubles + 1)
 

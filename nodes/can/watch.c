@@ -195,6 +195,15 @@ static bool elements_have_moved(const struct watch *w, int64_t now_ns)
     return false;
 }
 
+static bool another_is_heard(const struct watch *w, int64_t now_ns)
+{
+    (void)now_ns;
+    for (size_t i = 0; i < w->n_nodes; i++)
+        if (w->nodes[i].interfered)
+            return true;
+    return false;
+}
+
 static const struct watch_row watch_rows[CAN_FAULTS] = {
     [CAN_FAULT_IMAGE_STALE] = {true, CAN_FAULT, 1000 * MS, image_is_stale},
     [CAN_FAULT_EGO_MISSING] = {true, CAN_DEGRADED, 1000 * MS, ego_is_missing},
@@ -212,6 +221,7 @@ static const struct watch_row watch_rows[CAN_FAULTS] = {
     [CAN_FAULT_RANGE_REDUCED] = {true, CAN_DEGRADED, 1000 * MS, range_is_reduced},
     [CAN_FAULT_ELEMENTS_COVERED] = {false, CAN_BLOCKED, 1000 * MS, elements_are_covered},
     [CAN_FAULT_ELEMENTS_MOVED] = {false, CAN_DEGRADED, 1000 * MS, elements_have_moved},
+    [CAN_FAULT_INTERFERENCE] = {true, CAN_DEGRADED, 1000 * MS, another_is_heard},
 };
 
 #define JUMP_NS  20000000LL
@@ -346,6 +356,8 @@ static void take_fault(struct watch_node *n, const Anlos__Fault *f)
     if (!strcmp(f->name, NODE_FAULT_MICROPHONES_MOVED) ||
         !strcmp(f->name, NODE_FAULT_SPEAKERS_MOVED))
         n->moved += f->count;
+    if (!strcmp(f->name, NODE_FAULT_INTERFERENCE))
+        n->interfered = f->count;
 }
 
 void watch_health(struct watch *w, const Anlos__Health *health, int64_t now_ns)
@@ -358,6 +370,7 @@ void watch_health(struct watch *w, const Anlos__Health *health, int64_t now_ns)
     n->heard_ns = now_ns;
     n->faulty = health->state == ANLOS__HEALTH__STATE__FAULT;
     n->away = n->lost = n->reduced = n->covered = n->moved = 0;
+    n->interfered = 0;
     memset(n->channels, 0, sizeof n->channels);
     for (size_t i = 0; i < health->n_faults; i++)
         take_fault(n, health->faults[i]);
@@ -540,6 +553,7 @@ void watch_text(const struct watch *w, char *text, size_t size)
         [CAN_FAULT_RANGE_REDUCED] = "noise hides who is far away",
         [CAN_FAULT_ELEMENTS_COVERED] = "covered microphones or speakers",
         [CAN_FAULT_ELEMENTS_MOVED] = "microphones or speakers that have moved",
+        [CAN_FAULT_INTERFERENCE] = "another array is heard",
     };
     size_t used = 0;
 

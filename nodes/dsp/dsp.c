@@ -30,6 +30,7 @@ struct dsp {
     bool limited;
     struct node_dropped dropped;
     uint64_t blanked; /* pings */
+    bool interfered;  /* another array is heard */
 };
 
 int dsp_create(struct dsp **out, struct node *node, const struct frontend_config *cfg)
@@ -57,8 +58,12 @@ static size_t counts(void *self, struct device_count *out)
 {
     const struct dsp *d = self;
 
+    struct interference_levels l;
+
+    frontend_interference(d->frontend, &l);
     out[0] = (struct device_count){"pings blanked", d->blanked};
-    return 1 + node_dropped_count(&d->dropped, out + 1);
+    out[1] = (struct device_count){"pings interfered", l.pings};
+    return 2 + node_dropped_count(&d->dropped, out + 2);
 }
 
 static int plan(struct dsp *d, const struct survey *survey, struct error *why)
@@ -165,6 +170,25 @@ static int take_walls(void *self, const struct node_message *in)
     return 0;
 }
 
+static void tell_interference(struct dsp *d)
+{
+    struct interference_levels l;
+
+    frontend_interference(d->frontend, &l);
+    node_fault(d->node, NODE_FAULT_INTERFERENCE, l.present, 1);
+    if (l.present == d->interfered)
+        return;
+    d->interfered = l.present;
+    if (l.present)
+        node_log(
+            d->node, LOG_LEVEL_WARNING,
+            "the array of another vehicle is heard in %.0f %% of the pings: its chirps "
+            "are taken out of them, and only what moves by itself is told",
+            100.0 * l.share);
+    else
+        node_log(d->node, LOG_LEVEL_INFO, "no other array is heard any more");
+}
+
 /* A scan takes again what was of no use; a static array goes on. */
 static void acknowledge(const Anlos__Ping *ping, enum frontend_outcome outcome,
                         struct dsp_output *out)
@@ -214,6 +238,9 @@ static void tell_well(struct dsp *d)
     if (covered)
         node_state(d->node, ANLOS__HEALTH__STATE__READY,
                    "ready, but %zu speakers or microphones are covered", covered);
+    else if (d->interfered)
+        node_state(d->node, ANLOS__HEALTH__STATE__READY,
+                   "ready, but another array is heard");
     else if (d->moved_text[0])
         node_state(d->node, ANLOS__HEALTH__STATE__READY, "ready, but %s", d->moved_text);
     else if (d->limited && d->sensing.range_m == 0.0)
@@ -404,6 +431,8 @@ static int take_ping(void *self, const struct node_message *in)
     if (out.note[0])
         node_log(node, LOG_LEVEL_WARNING, "%s", out.note);
     judge(d, in);
+    if (out.has_traces && out.traces.frame)
+        tell_interference(d);
     if (out.has_traces)
         show_air(d, dsp_air(d));
     tell_faults(d, &out.faults);

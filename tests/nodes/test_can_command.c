@@ -54,7 +54,8 @@ static struct can_frame_data status(uint32_t base)
     can_pack_status(&f, base,
                     &(struct can_status){.state = CAN_DEGRADED,
                                          .source = CAN_SIMULATION,
-                                         .faults = 1 << CAN_FAULT_WALL_LOST | 1 << 15,
+                                         .faults = 1 << CAN_FAULT_WALL_LOST |
+                                                   1 << CAN_FAULT_INTERFERENCE,
                                          .temperature_c = NAN,
                                          .sound_speed_m_s = 343.2,
                                          .range_m = 2.6});
@@ -94,7 +95,7 @@ static void a_frame_is_a_line_with_names_and_units(void **s)
     decode(&r, *s, &l, NULL, NULL);
     assert_int_equal(r.code, 0);
     assert_has(r.out, "1764000000.250000  can0  400 Status          ok ");
-    assert_has(r.out, " State Degraded, Source Simulation, Faults WallLost+bit 15, "
+    assert_has(r.out, " State Degraded, Source Simulation, Faults WallLost+Interference, "
                       "Temperature NotAvailable, SoundSpeed 343.2 m/s, Range 2.6 m, "
                       "Shutdown No\n");
     assert_has(r.out, "1764000000.350000  can0  404 ObjectState     ok ");
@@ -149,7 +150,7 @@ static void json_has_an_object_a_line_and_null_for_the_unknown(void **s)
     json_t *faults = json_object_get(signals, "Faults");
     assert_int_equal(json_array_size(faults), 2);
     assert_string_equal(json_string_value(json_array_get(faults, 0)), "WallLost");
-    assert_int_equal(json_integer_value(json_array_get(faults, 1)), 15);
+    assert_string_equal(json_string_value(json_array_get(faults, 1)), "Interference");
     json_t *of_all = json_object_get(json_object_get(sum, "summary"), "messages");
     json_t *of_status = json_object_get(of_all, "Status");
     assert_int_equal(json_integer_value(json_object_get(of_status, "frames")), 1);
