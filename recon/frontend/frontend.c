@@ -428,8 +428,7 @@ static bool subtract_background(struct frontend *f, const struct ping *ping,
                : recorded_background_subtract(f->recorded, ping, f->masked, f->traces);
 }
 
-/* -- another array
- * -----------------------------------------------------------------------
+/* -- another array ---------------------------------------------------------------------
  */
 
 /* Takes out what another array made of a ping, which the background does not learn. true:
