@@ -57,7 +57,6 @@ int dsp_create(struct dsp **out, struct node *node, const struct frontend_config
 static size_t counts(void *self, struct device_count *out)
 {
     const struct dsp *d = self;
-
     struct interference_levels l;
 
     frontend_interference(d->frontend, &l);

@@ -17,8 +17,8 @@ struct stage_line { /* zero: nothing was reported */
     double place_m[STAGE_LINE_REPORTS];
 };
 
-/* A report that is not newer than the one before is ignored; from one that is older by a
- * second it begins anew: a clock was set back, or the one before was wrong. */
+/* A report that is not newer than the one before is ignored; one that is older by a
+ * second restarts the line: a clock was set back, or the one before was wrong. */
 void stage_line_add(struct stage_line *l, int64_t at_ns, double place_m);
 
 struct stage_line_fit {
