@@ -95,6 +95,34 @@ void rig_ping(const struct rig *r, size_t position, size_t speaker,
     }
 }
 
+struct trace_set rig_traces(const struct rig *r, const struct scatterer *points,
+                            size_t n_points)
+{
+    const struct geometry *g = &r->geometry;
+    struct trace_set set = {.geometry = g,
+                            .format = r->format,
+                            .band_hz = {r->band_hz[0], r->band_hz[1]},
+                            .gate_m = {r->gate_m[0], r->gate_m[1]}};
+    size_t pairs = trace_set_pairs(&set), n = g->n_positions * pairs;
+    float complex *traces = malloc(n * r->format.n_samples * sizeof *traces);
+    bool *heard = malloc(n * sizeof *heard);
+    assert_true(traces && heard);
+    for (size_t q = 0; q < n; q++)
+        heard[q] = true;
+    for (size_t p = 0; p < g->n_positions * g->n_speakers; p++)
+        rig_ping(r, p / g->n_speakers, p % g->n_speakers, points, n_points,
+                 traces + p * g->n_microphones * r->format.n_samples);
+    set.traces = traces;
+    set.heard = heard;
+    return set;
+}
+
+void rig_free_traces(struct trace_set *set)
+{
+    free((void *)set->traces);
+    free((void *)set->heard);
+}
+
 struct imager_config rig_config(const struct rig *r, const char *method,
                                 struct pool *pool)
 {

@@ -9,6 +9,7 @@
 
 #include "recon/detection/peak.h"
 #include "recon/imaging/imager.h"
+#include "recon/planning/trace_set.h"
 #include "tests/recon/reference.h"
 
 #define RIG_MAX 64
@@ -43,6 +44,12 @@ void rig_move(struct rig *r, const double by_m[3]);
 /* traces [n_microphones][format.n_samples] of one ping. */
 void rig_ping(const struct rig *r, size_t position, size_t speaker,
               const struct scatterer *points, size_t n_points, float complex *traces);
+
+/* Of all pings, each microphone heard, on the heap: rig_free_traces it.  It points to the
+ * rig's geometry. */
+struct trace_set rig_traces(const struct rig *r, const struct scatterer *points,
+                            size_t n_points);
+void rig_free_traces(struct trace_set *set);
 
 /* An imager of the rig.  The pool is the test's. */
 struct imager_config rig_config(const struct rig *r, const char *method,

@@ -16,8 +16,6 @@
 struct scene {
     struct rig rig;
     struct trace_set set;
-    float complex *traces;
-    bool *heard;
     struct pool *pool;
 };
 
@@ -31,30 +29,14 @@ static void open_scene(struct scene *s, const struct scatterer *points, size_t n
     for (size_t k = 0; k < g->n_positions; k++)
         r->positions_m[k] = 0.02 * ((double)k - 7.5);
     rig_look_at(r, 0.0, 0.0, 1.1, 17, 0.02);
-    s->set = (struct trace_set){.geometry = g,
-                                .format = r->format,
-                                .band_hz = {r->band_hz[0], r->band_hz[1]},
-                                .gate_m = {r->gate_m[0], r->gate_m[1]}};
-    size_t pairs = trace_set_pairs(&s->set), samples = r->format.n_samples;
-    s->traces = malloc(g->n_positions * pairs * samples * sizeof *s->traces);
-    s->heard = malloc(g->n_positions * pairs * sizeof *s->heard);
-    assert_true(s->traces && s->heard);
-    for (size_t q = 0; q < g->n_positions * pairs; q++)
-        s->heard[q] = true;
-    for (size_t q = 0; q < g->n_positions; q++)
-        for (size_t e = 0; e < g->n_speakers; e++)
-            rig_ping(r, q, e, points, n,
-                     s->traces + (q * pairs + e * g->n_microphones) * samples);
-    s->set.traces = s->traces;
-    s->set.heard = s->heard;
+    s->set = rig_traces(r, points, n);
     assert_int_equal(pool_create(&s->pool, 1), 0);
 }
 
 static void close_scene(struct scene *s)
 {
     pool_destroy(s->pool);
-    free(s->traces);
-    free(s->heard);
+    rig_free_traces(&s->set);
 }
 
 static struct detection seen(const struct scatterer *point)

@@ -13,8 +13,6 @@
 struct scene {
     struct rig rig;
     struct trace_set set;
-    float complex *traces;
-    bool *heard;
 };
 
 /* 2 to 6 kHz: traces of 16 positions, 4 speakers, 4 microphones. */
@@ -32,28 +30,14 @@ static void open_scene(struct scene *s, const struct scatterer *points, size_t n
     r->format.rate_hz = 10000.0;
     r->format.carrier_hz = 4000.0;
     rig_listen(r, 0.7, 4.0);
-    s->set = (struct trace_set){.geometry = g,
-                                .format = r->format,
-                                .band_hz = {r->band_hz[0], r->band_hz[1]},
-                                .gate_m = {0.3, 4.0}};
-    size_t pairs = trace_set_pairs(&s->set), samples = r->format.n_samples;
-    s->traces = malloc(g->n_positions * pairs * samples * sizeof *s->traces);
-    s->heard = malloc(g->n_positions * pairs * sizeof *s->heard);
-    assert_true(s->traces && s->heard);
-    for (size_t q = 0; q < g->n_positions * pairs; q++)
-        s->heard[q] = true;
-    for (size_t q = 0; q < g->n_positions; q++)
-        for (size_t e = 0; e < g->n_speakers; e++)
-            rig_ping(r, q, e, points, n,
-                     s->traces + (q * pairs + e * g->n_microphones) * samples);
-    s->set.traces = s->traces;
-    s->set.heard = s->heard;
+    s->set = rig_traces(r, points, n);
+    s->set.gate_m[0] = 0.3;
+    s->set.gate_m[1] = 4.0;
 }
 
 static void close_scene(struct scene *s)
 {
-    free(s->traces);
-    free(s->heard);
+    rig_free_traces(&s->set);
 }
 
 static struct detection seen(double range_m, double u_x, double level_db)
