@@ -266,9 +266,9 @@ static bool is_answer(struct zaber_port *p, struct zaber_message *m, const char 
     return true;
 }
 
-static int await(struct zaber_port *p, struct zaber_message *reply)
+static int await(struct zaber_port *p, double timeout_s, struct zaber_message *reply)
 {
-    int64_t deadline_ns = serial_now_ns() + (int64_t)(1e9 * p->cfg.timeout_s);
+    int64_t deadline_ns = serial_now_ns() + (int64_t)(1e9 * timeout_s);
     char line[SERIAL_LINE_SIZE];
 
     for (;;) {
@@ -298,11 +298,12 @@ int zaber_port_ask(struct zaber_port *p, struct zaber_message *reply, const char
     va_start(args, format);
     vsnprintf(command, sizeof command, format, args);
     va_end(args);
+    /* Twice as long each time: it may be this machine that is late. */
     for (int i = 0; i < TRIES && p->serial; i++) {
         p->retries += i > 0;
         err = send(p, command);
         if (!err)
-            err = await(p, reply);
+            err = await(p, ldexp(p->cfg.timeout_s, i), reply);
         if (!err)
             return reply->accepted ? 0 : -EPROTO;
         if (err != -ETIMEDOUT)

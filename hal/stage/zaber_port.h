@@ -21,7 +21,7 @@ enum zaber_checksum {
 struct zaber_port_config {
     const char *path; /* not copied */
     unsigned baud, device, axis;
-    double timeout_s; /* for an answer */
+    double timeout_s; /* for an answer, at first */
     enum zaber_checksum checksum;
 };
 
@@ -40,7 +40,8 @@ int zaber_port_open(struct zaber_port *p, const struct zaber_port_config *cfg,
 /* After the port was gone; else nothing.  0, or as serial_open. */
 int zaber_port_reopen(struct zaber_port *p);
 
-/* Sends the command and waits for its answer, three times at most.  0, -EPROTO (rejected:
+/* Sends the command and waits for its answer, three times at most, twice as long each
+ * time.  0, -EPROTO (rejected:
  * reply->data has why), -ETIMEDOUT, -ENODEV and others: the port is gone. */
 int zaber_port_ask(struct zaber_port *p, struct zaber_message *reply, const char *format,
                    ...) __attribute__((format(printf, 3, 4)));
