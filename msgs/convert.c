@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "msgs/convert.h"
 
+#include <float.h>
 #include <math.h>
 
 /* Beyond these it is no image of sound, and what draws axes would never come to an end.
@@ -137,6 +138,17 @@ void volume_to_message(const struct volume *v, struct volume_view *view, Anlos__
         m->newest_origin_m = set_vec3(&view->newest_origin, b->origin_m);
         m->newest_step_m = set_vec3(&view->newest_step, b->step_m);
     }
+    if (v->around.intensity) {
+        const struct surroundings_view *a = &v->around;
+        const struct grid *c = &a->grid;
+        m->coarse =
+            tensor_borrow_f32(&view->coarse, a->intensity, 3, c->n[2], c->n[1], c->n[0]);
+        m->coarse_origin_m = set_vec3(&view->coarse_origin, c->origin_m);
+        m->coarse_step_m = set_vec3(&view->coarse_step, c->step_m);
+        if (a->n_spots)
+            m->beyond =
+                tensor_borrow_f32(&view->beyond, a->spots[0], 2, a->n_spots, (size_t)4);
+    }
 }
 
 static int read_vec3(const Anlos__Vec3 *v, double out[3])
@@ -171,6 +183,22 @@ const float *volume_grid(const Anlos__Volume *v, struct grid *out)
     return image_grid(v->intensity, v->origin_m, v->step_m, out);
 }
 
+static void around_from_message(struct surroundings_view *a, const Anlos__Volume *m)
+{
+    size_t extents[2] = {0, 4};
+    const float *spots = m->beyond ? tensor_f32(m->beyond, 2, extents) : NULL;
+
+    if ((m->beyond && !spots) || extents[1] != 4 || extents[0] > SURROUNDINGS_SPOTS)
+        return;
+    for (size_t i = 0; i < 4 * extents[0]; i++)
+        if (!(fabsf(spots[i]) <= (i % 4 < 3 ? FARTHEST_M : FLT_MAX)) ||
+            (i % 4 == 3 && spots[i] < 0.0f))
+            return;
+    a->intensity = image_grid(m->coarse, m->coarse_origin_m, m->coarse_step_m, &a->grid);
+    a->n_spots = extents[0];
+    a->spots = (const float(*)[4])spots;
+}
+
 void volume_from_message(struct volume *v, const Anlos__Volume *m, int64_t capture_ns)
 {
     *v = (struct volume){.survey_id = m->survey_id,
@@ -192,4 +220,6 @@ void volume_from_message(struct volume *v, const Anlos__Volume *m, int64_t captu
     v->newest = image_grid(m->newest, m->newest_origin_m, m->newest_step_m, &v->blocks);
     if (v->newest && v->intensity && grid_size(&v->blocks) > grid_size(&v->grid))
         v->newest = NULL;
+    if (m->coarse)
+        around_from_message(&v->around, m);
 }

@@ -52,8 +52,8 @@ void traces_from_message(struct traces *t, struct traces_room *room,
                          const Anlos__Traces *m, int64_t capture_ns);
 
 struct volume_view { /* storage for a message that borrows its image */
-    struct tensor_view intensity, newest;
-    Anlos__Vec3 origin, step, newest_origin, newest_step;
+    struct tensor_view intensity, newest, coarse, beyond;
+    Anlos__Vec3 origin, step, newest_origin, newest_step, coarse_origin, coarse_step;
 };
 
 /* imaging_s is the caller's to set. */
@@ -64,8 +64,9 @@ void volume_to_message(const struct volume *v, struct volume_view *view,
  * its grid lies or reaches farther than 10 km, or is finer than 1 um. */
 const float *volume_grid(const Anlos__Volume *v, struct grid *out);
 
-/* intensity is NULL where volume_grid says so, newest where it is not there, the
- * same would have to be said of its blocks, or these are more than the voxels. */
+/* intensity is NULL where volume_grid says so; newest where it is not there, the
+ * same would have to be said of its blocks, or these are more than the voxels;
+ * around.intensity where it is not there, or its grid or its spots do not hold. */
 void volume_from_message(struct volume *v, const Anlos__Volume *m, int64_t capture_ns);
 
 /* A message of its own; detections_free it.  0, -ENOMEM. */

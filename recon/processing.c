@@ -366,20 +366,26 @@ int processing_deramp_format(struct trace_format *out, const struct processing *
     return err ? say_deramp(p, err, why) : 0;
 }
 
+static struct imager_config imager_of(const struct processing *p, const char *method,
+                                      const struct trace_format *format,
+                                      struct pool *pool)
+{
+    return (struct imager_config){.method = method,
+                                  .geometry = &p->geometry,
+                                  .format = *format,
+                                  .band_hz = {p->band_hz[0], p->band_hz[1]},
+                                  .gate_m = {p->gate_m[0], p->gate_m[1]},
+                                  .grid = p->grid,
+                                  .pool = pool,
+                                  .options = p->imaging};
+}
+
 int processing_imager(struct imager **out, const struct processing *p, const char *method,
                       const struct trace_format *format, struct pool *pool,
                       struct error *why)
 {
-    struct imager_config cfg = {.method = method,
-                                .geometry = &p->geometry,
-                                .format = *format,
-                                .grid = p->grid,
-                                .pool = pool,
-                                .options = p->imaging};
+    const struct imager_config cfg = imager_of(p, method, format, pool);
     const char *reason = NULL;
-
-    memcpy(cfg.band_hz, p->band_hz, sizeof cfg.band_hz);
-    memcpy(cfg.gate_m, p->gate_m, sizeof cfg.gate_m);
     int err = imager_create(out, &cfg, &reason);
     if (err == -ENOENT) {
         char known[256] = "", hint[NEAREST_HINT_SIZE];
@@ -397,4 +403,12 @@ int processing_imager(struct imager **out, const struct processing *p, const cha
         return error_say(why, err, "method '%s': %s", method,
                          reason && *reason ? reason : strerror(-err));
     return 0;
+}
+
+int processing_surroundings(struct surroundings **out, const struct processing *p,
+                            const struct trace_format *format, struct pool *pool)
+{
+    const struct imager_config wanted = imager_of(p, NULL, format, pool);
+
+    return surroundings_create(out, &wanted);
 }

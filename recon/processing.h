@@ -7,6 +7,7 @@
 #include "dsp/error.h"
 #include "dsp/pulse_compress.h"
 #include "recon/imaging/imager.h"
+#include "recon/imaging/surroundings.h"
 #include "recon/survey.h"
 #include "recon/walls/wall.h"
 
@@ -50,5 +51,10 @@ int processing_deramp_format(struct trace_format *out, const struct processing *
 int processing_imager(struct imager **out, const struct processing *p, const char *method,
                       const struct trace_format *format, struct pool *pool,
                       struct error *why);
+
+/* The same for what lies around its volume.  0, -ENOTSUP (it cannot be imaged), -EINVAL,
+ * -ENOMEM. */
+int processing_surroundings(struct surroundings **out, const struct processing *p,
+                            const struct trace_format *format, struct pool *pool);
 
 #endif

@@ -8,6 +8,7 @@
 #include <stdint.h>
 
 #include "recon/grid.h"
+#include "recon/imaging/surroundings.h"
 #include "recon/survey.h"
 
 struct volume {
@@ -19,6 +20,7 @@ struct volume {
     struct grid blocks;     /* of voxels */
     const float *newest; /* [nz][ny][nx] of these: means of the newest ping's image alone
                           * (frames_newest); NULL: none, or what stands is in it */
+    struct surroundings_view around; /* what lies around it, when that was looked at */
     const char *method;
     enum survey_source source;
     double sound_speed_m_s;

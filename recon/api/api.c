@@ -198,6 +198,15 @@ void api_image(struct anlos_image *out, const struct volume *v)
     memcpy(out->newest_origin_m, v->blocks.origin_m, sizeof out->newest_origin_m);
     memcpy(out->newest_step_m, v->blocks.step_m, sizeof out->newest_step_m);
     memcpy(out->newest_n, v->blocks.n, sizeof out->newest_n);
+    if (v->around.intensity) {
+        const struct surroundings_view *a = &v->around;
+        out->coarse = a->intensity;
+        memcpy(out->coarse_origin_m, a->grid.origin_m, sizeof out->coarse_origin_m);
+        memcpy(out->coarse_step_m, a->grid.step_m, sizeof out->coarse_step_m);
+        memcpy(out->coarse_n, a->grid.n, sizeof out->coarse_n);
+        out->beyond = a->n_spots ? a->spots[0] : NULL;
+        out->n_beyond = a->n_spots;
+    }
     memcpy(out->origin_m, v->grid.origin_m, sizeof out->origin_m);
     memcpy(out->step_m, v->grid.step_m, sizeof out->step_m);
     memcpy(out->n, v->grid.n, sizeof out->n);
@@ -422,12 +431,37 @@ static int take_grid(struct grid *out, const double origin_m[3], const double st
     return code;
 }
 
+static int take_around(struct surroundings_view *out, const struct anlos_image *v,
+                       struct anlos_error *why)
+{
+    size_t n = v->n_beyond;
+    int code = 0;
+
+    *out = (struct surroundings_view){
+        .intensity = v->coarse, .n_spots = n, .spots = (const float(*)[4])v->beyond};
+    if (v->coarse)
+        code = take_grid(&out->grid, v->coarse_origin_m, v->coarse_step_m, v->coarse_n,
+                         "coarse voxels", why);
+    if (!code && n > SURROUNDINGS_SPOTS)
+        code = api_fail(why, ANLOS_INVALID,
+                        "beyond of an image: %zu places, expected %d at most", n,
+                        SURROUNDINGS_SPOTS);
+    if (!code && n)
+        code = api_there(v->beyond, "beyond of an image", why);
+    for (size_t i = 0; !code && i < 4 * n; i++)
+        if (!isfinite(v->beyond[i]) || (i % 4 == 3 && v->beyond[i] < 0.0f))
+            code = api_fail(why, ANLOS_INVALID, "beyond of an image: place %zu is none",
+                            i / 4);
+    return code;
+}
+
 int api_volume(struct volume *out, const struct anlos_image *given, uint64_t id,
                struct anlos_error *why)
 {
     struct anlos_image v;
     int code = API_TAKE(&v, given, "struct anlos_image", why);
     struct grid grid, blocks = {.n = {0}};
+    struct surroundings_view around;
 
     if (!code)
         code = api_there(v.intensity, "intensity of an image", why);
@@ -441,6 +475,8 @@ int api_volume(struct volume *out, const struct anlos_image *given, uint64_t id,
     if (!code && v.newest)
         code = take_grid(&blocks, v.newest_origin_m, v.newest_step_m, v.newest_n,
                          "blocks", why);
+    if (!code)
+        code = take_around(&around, &v, why);
     if (code)
         return code;
     *out = (struct volume){.survey_id = id,
@@ -451,6 +487,7 @@ int api_volume(struct volume *out, const struct anlos_image *given, uint64_t id,
                            .intensity = v.intensity,
                            .blocks = blocks,
                            .newest = v.newest,
+                           .around = around,
                            .method = v.method ? v.method : "",
                            .sound_speed_m_s = v.sound_speed_m_s,
                            .preview = v.preview,

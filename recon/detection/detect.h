@@ -16,6 +16,7 @@
 
 struct clean;
 struct pool;
+struct surroundings_view;
 struct trace_set;
 
 struct detect_config {
@@ -27,9 +28,12 @@ struct detect_config {
                                      * apart; NULL: not at hand.  Not owned. */
     struct pool *pool;              /* with traces: to look at what lies beyond the volume
                                      * (recon/detection/beyond); NULL: not done.  Not owned. */
-    const struct clean *clean;      /* for objects_find: to look for what others hide
-                                     * (recon/detection/clean); NULL: not done.  Not owned. */
-    const struct cfar_map *map;     /* with cfar: of this grid; NULL: none.  Not owned. */
+    const struct surroundings_view *around; /* for objects_find: what lies around the
+                                             * volume, when that was looked at before;
+                                             * NULL: it was not.  Not owned. */
+    const struct clean *clean;  /* for objects_find: to look for what others hide
+                                 * (recon/detection/clean); NULL: not done.  Not owned. */
+    const struct cfar_map *map; /* with cfar: of this grid; NULL: none.  Not owned. */
     bool clipped; /* an image of power: what is less than nothing is 0, and a place is
                    * known to a twentieth of a point's width at best */
     const struct occupancy *occupied; /* with cfar: by what single pings tell, too; NULL:

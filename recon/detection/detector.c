@@ -147,7 +147,9 @@ int detector_volume(struct detector *d, const struct volume *volume,
     if (!d->has_survey || volume->survey_id != d->survey_id)
         return error_say(why, -EAGAIN, "the survey of a volume is not known yet");
     if (!is_image(grid, volume->intensity) ||
-        (volume->newest && !is_image(&volume->blocks, volume->newest)))
+        (volume->newest && !is_image(&volume->blocks, volume->newest)) ||
+        (volume->around.intensity &&
+         !is_image(&volume->around.grid, volume->around.intensity)))
         return error_say(why, -EINVAL,
                          "a volume without a grid or with intensities that "
                          "are not numbers");
@@ -156,6 +158,7 @@ int detector_volume(struct detector *d, const struct volume *volume,
     cfg.learns = learns(d, volume) && !volume->pings_blanked;
     cfg.followed = volume->frame != 0;
     cfg.multipath = !cfg.followed;
+    cfg.around = volume->around.intensity ? &volume->around : NULL;
     detect_config_method(&cfg, volume->method, grid);
     settle(d, volume);
     int err = find_cells(d, volume, &cfg);

@@ -238,6 +238,15 @@ static size_t drop_unlikely(struct detection *found, size_t n, double min_existe
     return kept;
 }
 
+static size_t count_likely(const struct detection *found, size_t n, double min_existence)
+{
+    size_t likely = 0;
+
+    for (size_t i = 0; i < n; i++)
+        likely += found[i].existence >= min_existence;
+    return likely;
+}
+
 void objects_resolution(struct detect_config *cfg, const struct survey *s,
                         const struct grid *grid)
 {
@@ -266,6 +275,19 @@ static void suspect_lobes(const struct survey *s, struct detection *found, size_
         return;
     processing_geometry(&geometry, s);
     lobes_suspect(&geometry, found, n);
+}
+
+static int judge_around(const struct survey *s, const struct detect_config *cfg,
+                        struct detection *found, size_t n)
+{
+    struct geometry geometry;
+    const struct beyond b = {.geometry = &geometry,
+                             .around = cfg->around,
+                             .range_db = cfg->dynamic_range_db,
+                             .of_power = cfg->clipped};
+
+    processing_geometry(&geometry, s);
+    return beyond_judge(&b, found, n);
 }
 
 /* Pings around objects hear them from all sides, and have no one range. */
@@ -318,10 +340,14 @@ int objects_find(struct object_list *out, const struct survey *s,
     if (cfg->traces)
         lobes_judge(cfg->traces, found, n);
     if (cfg->traces && cfg->pool)
-        err = beyond_judge(cfg->traces, grid, cfg->dynamic_range_db, cfg->clipped,
-                           cfg->pool, found, n);
+        err = beyond_judge_traces(cfg->traces, grid, cfg->dynamic_range_db, cfg->clipped,
+                                  cfg->pool, found, n);
+    else if (cfg->around)
+        err = judge_around(s, cfg, found, n);
     if (err)
         return err;
+    plain = count_likely(found, plain, min_existence);
+    n = drop_unlikely(found, n, min_existence);
     if (cfg->multipath)
         find_multipath(s, walls, grid, found, n, plain);
     objects_list(out, s, walls, found, n);

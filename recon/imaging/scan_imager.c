@@ -7,14 +7,20 @@
 
 #include "recon/imaging/image_plan.h"
 
+/* From so many positions on, what lies around is imaged without the last of them: it
+ * looks the same, and is there when the last ping comes. */
+#define POSITIONS 8
+
 struct scan_imager {
     struct scan_imager_config cfg;
     struct pool *pool;
     struct image_plan plan;
-    struct imager *imager; /* NULL: no survey yet */
-    float *intensity;      /* [nz][ny][nx] */
-    bool *masked_ever;     /* [n_microphones] */
-    uint32_t *in_position; /* [n_positions], pings that are in */
+    struct imager *imager;                  /* NULL: no survey yet */
+    float *intensity;                       /* [nz][ny][nx] */
+    struct surroundings *around;            /* NULL: they cannot be imaged */
+    const struct surroundings_view *looked; /* NULL: not yet */
+    bool *masked_ever;                      /* [n_microphones] */
+    uint32_t *in_position;                  /* [n_positions], pings that are in */
     uint32_t scan;
     bool new_position;
     uint64_t clipped;
@@ -40,6 +46,7 @@ int scan_imager_create(struct scan_imager **out, const struct scan_imager_config
 void scan_imager_forget(struct scan_imager *r)
 {
     imager_destroy(r->imager);
+    surroundings_destroy(r->around);
     free(r->intensity);
     free(r->masked_ever);
     free(r->in_position);
@@ -58,6 +65,17 @@ static int allocate(struct scan_imager *r, struct error *why)
     return 0;
 }
 
+/* Where they cannot be imaged nothing is known of what lies beyond the volume. */
+static int look_around(struct scan_imager *r, struct error *why)
+{
+    int err = processing_surroundings(&r->around, &r->plan.processing, &r->plan.format,
+                                      r->pool);
+
+    if (!err || err == -ENOTSUP)
+        return 0;
+    return error_say(why, err, "what lies around the volume: %s", strerror(-err));
+}
+
 int scan_imager_survey(struct scan_imager *r, const struct survey *survey,
                        struct error *why)
 {
@@ -69,6 +87,8 @@ int scan_imager_survey(struct scan_imager *r, const struct survey *survey,
     if (!err)
         err = processing_imager(&r->imager, &r->plan.processing, r->cfg.method,
                                 &r->plan.format, r->pool, why);
+    if (!err)
+        err = look_around(r, why);
     if (err)
         scan_imager_forget(r);
     return err;
@@ -77,6 +97,17 @@ int scan_imager_survey(struct scan_imager *r, const struct survey *survey,
 uint64_t scan_imager_survey_id(const struct scan_imager *r)
 {
     return r->plan.survey_id;
+}
+
+static void look(struct scan_imager *r, const struct traces *t)
+{
+    const struct survey *s = &r->plan.survey;
+    struct imager *im = surroundings_imager(r->around);
+    size_t early = (s->n_positions - 1) * s->n_speakers;
+
+    imager_add(im, t->position, t->speaker, t->samples, t->masked);
+    if (s->n_positions >= POSITIONS && imager_pings(im) == early)
+        r->looked = surroundings_image(r->around);
 }
 
 int scan_imager_traces(struct scan_imager *r, const struct traces *t)
@@ -91,6 +122,8 @@ int scan_imager_traces(struct scan_imager *r, const struct traces *t)
     r->capture_ns = t->capture_ns;
     if (!imager_add(r->imager, t->position, t->speaker, t->samples, t->masked))
         return 0; /* it was in already */
+    if (r->around)
+        look(r, t);
     for (size_t m = 0; m < t->n_microphones; m++)
         r->masked_ever[m] |= t->masked[m];
     r->clipped += t->clipped_samples;
@@ -129,6 +162,8 @@ void scan_imager_image(struct scan_imager *r, bool preview, struct volume *out)
     imager_image(r->imager, r->intensity);
     r->new_position = false;
     image_plan_volume(&r->plan, r->intensity, out);
+    if (r->around && !preview)
+        out->around = r->looked ? *r->looked : *surroundings_image(r->around);
     out->capture_ns = r->capture_ns;
     out->scan = r->scan;
     out->preview = preview;
@@ -145,6 +180,9 @@ void scan_imager_reset(struct scan_imager *r)
     if (!r->imager)
         return;
     imager_reset(r->imager);
+    if (r->around)
+        imager_reset(surroundings_imager(r->around));
+    r->looked = NULL;
     memset(r->in_position, 0, r->plan.survey.n_positions * sizeof *r->in_position);
     memset(r->masked_ever, 0, r->plan.survey.n_microphones * sizeof *r->masked_ever);
     r->new_position = false;

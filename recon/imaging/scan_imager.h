@@ -51,7 +51,8 @@ int64_t scan_imager_capture_ns(const struct scan_imager *r); /* of the newest pi
 /* Another stage position is complete since the last image? */
 bool scan_imager_has_new_position(const struct scan_imager *r);
 
-/* Images what is in.  Borrowed, good until the next image. */
+/* Images what is in, and what lies around the volume, but for a preview.  Borrowed, good
+ * until the next image. */
 void scan_imager_image(struct scan_imager *r, bool preview, struct volume *out);
 
 /* A new scan: forget all traces. */

@@ -5,6 +5,7 @@
 #include <stdbool.h>
 #include <string.h>
 
+#include "recon/imaging/coarse.h"
 #include "recon/planning/coherence.h"
 #include "recon/planning/probe.h"
 #include "recon/power/incoherent.h"
@@ -62,11 +63,13 @@ double planner_probe_s(const struct trace_set *set, const struct grid *grid,
                        size_t stride, size_t n_threads)
 {
     double traces = (double)(set->geometry->n_positions * trace_set_pairs(set));
+    const struct imager_config wanted = trace_set_imager(set, grid, NULL);
     struct trace_set low = *set;
-    struct grid coarse;
-    probe_view(set, grid, low.band_hz, &coarse);
+    struct imager_config look;
+    coarse_view(&wanted, &look);
+    memcpy(low.band_hz, look.band_hz, sizeof low.band_hz);
     double ns = STACK_NS * traces / (double)stride * (double)set->format.n_samples +
-                migrate_ns(&low, &coarse);
+                migrate_ns(&low, &look.grid);
     return 1e-9 * (PLACES_NS * traces + ns / (double)n_threads);
 }
 

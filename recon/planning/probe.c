@@ -7,16 +7,14 @@
 #include <string.h>
 
 #include "recon/coherent/colocated.h"
+#include "recon/imaging/coarse.h"
 #include "recon/imaging/fold.h"
 #include "recon/imaging/imager.h"
 #include "recon/planning/moveout_error.h"
 #include "recon/planning/psf_tilt.h"
 
-#define LOOK_TOP     0.45 /* of the band's top: waves are the cube of it */
-#define LOOK_STEP    0.5  /* of a point's width in that band */
-#define LOOK_COARSER 4.0  /* times the steps of an axis without aperture */
-#define SCALLOP_DB   6.0  /* that a peak may lose between coarse voxels */
-#define MARGIN_M     0.06 /* of depth kept around what holds something */
+#define SCALLOP_DB 6.0  /* that a peak may lose between coarse voxels */
+#define MARGIN_M   0.06 /* of depth kept around what holds something */
 
 /* -- a place: what the geometry alone says of how a point there will be imaged ----------
  */
@@ -108,38 +106,6 @@ struct probing {
     float *intensity;
     struct detection found[PROBE_OBJECTS];
 };
-
-void probe_view(const struct trace_set *s, const struct grid *fine, double band_hz[2],
-                struct grid *out)
-{
-    double width_m[3];
-    band_hz[0] = s->band_hz[0];
-    band_hz[1] = fmin(fmax(LOOK_TOP * s->band_hz[1], 2.0 * band_hz[0]), s->band_hz[1]);
-    geometry_resolution(s->geometry, band_hz, 0.5 * (s->gate_m[0] + s->gate_m[1]),
-                        width_m);
-    *out = *fine;
-    for (int a = 0; a < 3; a++) {
-        double extent_m = fine->step_m[a] * (double)(fine->n[a] - 1);
-        double wide_m = isfinite(width_m[a]) ? LOOK_STEP * width_m[a]
-                                             : LOOK_COARSER * fine->step_m[a];
-        double step_m = fmax(fine->step_m[a], fmin(wide_m, extent_m));
-        double steps = ceil(extent_m / step_m - 1e-6);
-        out->n[a] = (size_t)steps + 1;
-        if (steps > 0.0)
-            out->step_m[a] = extent_m / steps;
-    }
-}
-
-static void configure(struct probing *p, const double band_hz[2], const struct grid *grid)
-{
-    p->cfg = (struct imager_config){.method = "fast",
-                                    .geometry = p->set->geometry,
-                                    .format = p->set->format,
-                                    .band_hz = {band_hz[0], band_hz[1]},
-                                    .gate_m = {p->set->gate_m[0], p->set->gate_m[1]},
-                                    .grid = *grid,
-                                    .pool = p->pool};
-}
 
 /* Depths outside hold nothing that detection would report next to the strongest. */
 static void measure_depth(const struct probing *p, double range_db)
@@ -271,14 +237,8 @@ static int find_objects(struct probing *p)
 
 static int look(struct probing *p)
 {
-    const char *why;
     struct imager *im = NULL;
-    struct imager_options plain;
-    imager_options_default(&plain);
-    plain.dmo = 0;
-    plain.taper = true;
-    p->cfg.options = &plain;
-    int err = imager_create(&im, &p->cfg, &why);
+    int err = coarse_create(&im, &p->cfg);
     if (err == -ENOTSUP)
         return 0;
     if (!err) {
@@ -291,7 +251,6 @@ static int look(struct probing *p)
         p->out->imaged = true;
         err = find_objects(p);
     }
-    p->cfg.options = NULL; /* plain ends here */
     imager_destroy(im);
     return err;
 }
@@ -386,7 +345,8 @@ int probe_scattering(struct probe *out, const struct trace_set *set,
                      const struct grid *grid, struct pool *pool)
 {
     struct probing p = {.out = out, .set = set, .pool = pool};
-    configure(&p, set->band_hz, grid);
+    p.cfg = trace_set_imager(set, grid, pool);
+    p.cfg.method = "fast";
     return measure_scattering(&p);
 }
 
@@ -394,9 +354,8 @@ int probe_run(struct probe *out, const struct trace_set *set, const struct grid 
               const struct coherence *known, struct pool *pool)
 {
     struct probing p = {.out = out, .set = set, .pool = pool};
+    struct imager_config wanted = trace_set_imager(set, grid, pool);
     struct coherence before;
-    struct grid coarse;
-    double band_hz[2];
     if (known)
         before = *known; /* it may be that of *out */
     int err = places_create(&p.places, set);
@@ -404,8 +363,7 @@ int probe_run(struct probe *out, const struct trace_set *set, const struct grid 
         return err;
     assume(out, set, grid, p.places);
     out->imaged = false;
-    probe_view(set, grid, band_hz, &coarse);
-    configure(&p, band_hz, &coarse);
+    coarse_view(&wanted, &p.cfg);
     err = look(&p);
     memcpy(p.cfg.band_hz, set->band_hz, sizeof p.cfg.band_hz);
     if (!err && out->imaged)

@@ -44,12 +44,6 @@ struct probe {
  * stands half way to its edge in x and y, in the middle of its depth.  0, -ENOMEM. */
 int probe_assume(struct probe *out, const struct trace_set *set, const struct grid *grid);
 
-/* What a look makes of an image on grid: band_hz, the band of the traces up to 0.45 of
- * its top (waves are the cube of it, so a tenth of the work), and in *out the same extent
- * by steps that suit points as wide as that band leaves them. */
-void probe_view(const struct trace_set *set, const struct grid *grid, double band_hz[2],
-                struct grid *out);
-
 /* grid: of the image that is wanted.  known: what was measured of these traces before, or
  * NULL.  0, -EINVAL, -ENOMEM. */
 int probe_run(struct probe *out, const struct trace_set *set, const struct grid *grid,

@@ -4,7 +4,16 @@
 #include <errno.h>
 #include <stdlib.h>
 
-#include "recon/imaging/imager.h"
+struct imager_config trace_set_imager(const struct trace_set *s, const struct grid *grid,
+                                      struct pool *pool)
+{
+    return (struct imager_config){.geometry = s->geometry,
+                                  .format = s->format,
+                                  .band_hz = {s->band_hz[0], s->band_hz[1]},
+                                  .gate_m = {s->gate_m[0], s->gate_m[1]},
+                                  .grid = *grid,
+                                  .pool = pool};
+}
 
 struct feeding {
     const struct trace_set *set;

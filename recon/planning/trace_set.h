@@ -10,6 +10,7 @@
 
 #include "dsp/pulse_compress.h"
 #include "recon/geometry.h"
+#include "recon/imaging/imager.h"
 
 struct trace_set {
     const struct geometry *geometry;
@@ -20,8 +21,9 @@ struct trace_set {
     const bool *heard;           /* [position][speaker][microphone] */
 };
 
-struct imager;
-struct pool;
+/* An image of them on a grid, by a method to be named. */
+struct imager_config trace_set_imager(const struct trace_set *s, const struct grid *grid,
+                                      struct pool *pool);
 
 /* Adds every ping of which something was heard.  0, -ENOMEM. */
 int trace_set_feed(const struct trace_set *s, struct imager *im, struct pool *pool);

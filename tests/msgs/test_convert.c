@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /* Plain types through packed messages and back: each field has a value of its own. */
 #include <errno.h>
+#include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -90,7 +91,8 @@ static void a_volume_comes_back(void **state)
 {
     (void)state;
     float intensity[2][3][4];
-    float newest[3][1][2];
+    float newest[3][1][2], around[2][1][3];
+    const float spots[2][4] = {{1.0f, -2.0f, 3.0f, 9.0f}, {0.5f, 0.0f, 1.0f, 0.0f}};
     const struct volume v = {.survey_id = 11,
                              .capture_ns = 12,
                              .scan = 13,
@@ -103,6 +105,12 @@ static void a_volume_comes_back(void **state)
                                         .step_m = {0.08, 0.09, 0.1},
                                         .n = {2, 1, 3}},
                              .newest = &newest[0][0][0],
+                             .around = {.grid = {.origin_m = {-1.0, -0.5, 0.4},
+                                                 .step_m = {0.1, 0.2, 0.3},
+                                                 .n = {3, 1, 2}},
+                                        .intensity = &around[0][0][0],
+                                        .n_spots = 2,
+                                        .spots = spots},
                              .method = "frames",
                              .source = SURVEY_SIMULATION,
                              .sound_speed_m_s = 340.5,
@@ -122,6 +130,8 @@ static void a_volume_comes_back(void **state)
         (&intensity[0][0][0])[i] = (float)i;
     for (int i = 0; i < 6; i++)
         (&newest[0][0][0])[i] = (float)(2 * i);
+    for (int i = 0; i < 6; i++)
+        (&around[0][0][0])[i] = (float)(3 * i);
     volume_to_message(&v, &view, &m);
     Anlos__Volume *came = (Anlos__Volume *)sent(&m.base);
     volume_from_message(&back, came, v.capture_ns);
@@ -133,6 +143,10 @@ static void a_volume_comes_back(void **state)
     assert_memory_equal(back.intensity, intensity, sizeof intensity);
     assert_memory_equal(&back.blocks, &v.blocks, sizeof v.blocks);
     assert_memory_equal(back.newest, newest, sizeof newest);
+    assert_memory_equal(&back.around.grid, &v.around.grid, sizeof v.around.grid);
+    assert_memory_equal(back.around.intensity, around, sizeof around);
+    assert_int_equal(back.around.n_spots, 2);
+    assert_memory_equal(back.around.spots, spots, sizeof spots);
     assert_string_equal(back.method, "frames");
     assert_int_equal(back.source, SURVEY_SIMULATION);
     assert_true(back.sound_speed_m_s == 340.5 && back.preview);
@@ -168,6 +182,54 @@ static void more_blocks_than_voxels_are_none(void **state)
         Anlos__Volume *came = (Anlos__Volume *)sent(&m.base);
         volume_from_message(&back, came, 0);
         assert_true((back.newest != NULL) == (n == 2));
+        anlos__volume__free_unpacked(came, NULL);
+    }
+}
+
+/* What lies around is left out whole where it does not hold, and the image stays. */
+static void surroundings_that_do_not_hold_are_none(void **state)
+{
+    (void)state;
+    float intensity[2] = {1.0f, 2.0f}, around[2] = {3.0f, 4.0f};
+    float spots[SURROUNDINGS_SPOTS + 1][4] = {{1.0f, 2.0f, 3.0f, 4.0f}};
+    const struct {
+        size_t n_spots;
+        float x, z, level;
+        double step_m;
+        bool holds;
+    } cases[] = {
+        {1, 1.0f, 3.0f, 4.0f, 0.1, true},
+        {0, NAN, NAN, NAN, 0.1, true},
+        {1, NAN, 3.0f, 4.0f, 0.1, false},
+        {1, 1.0f, 3e4f, 4.0f, 0.1, false},
+        {1, 1.0f, 3.0f, NAN, 0.1, false},
+        {1, 1.0f, 3.0f, -1.0f, 0.1, false},
+        {1, 1.0f, 3.0f, INFINITY, 0.1, false},
+        {1, 1.0f, 3.0f, 4.0f, 0.0, false},
+        {SURROUNDINGS_SPOTS, 1.0f, 3.0f, 4.0f, 0.1, true},
+        {SURROUNDINGS_SPOTS + 1, 1.0f, 3.0f, 4.0f, 0.1, false},
+    };
+
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        struct volume v = {.grid = {{0, 0, 1}, {0.1, 0.1, 0.1}, {2, 1, 1}},
+                           .intensity = intensity,
+                           .around = {.grid = {{0, 0, 1}, {0.1, 0.1, 0.1}, {2, 1, 1}},
+                                      .intensity = around,
+                                      .n_spots = cases[i].n_spots,
+                                      .spots = (const float(*)[4])spots},
+                           .method = "fast"};
+        struct volume_view view;
+        struct volume back;
+        Anlos__Volume m;
+        spots[0][0] = cases[i].x;
+        spots[0][2] = cases[i].z;
+        spots[0][3] = cases[i].level;
+        v.around.grid.step_m[1] = cases[i].step_m;
+        volume_to_message(&v, &view, &m);
+        Anlos__Volume *came = (Anlos__Volume *)sent(&m.base);
+        volume_from_message(&back, came, 0);
+        assert_non_null(back.intensity);
+        assert_true((back.around.intensity != NULL) == cases[i].holds);
         anlos__volume__free_unpacked(came, NULL);
     }
 }
@@ -435,6 +497,7 @@ int main(void)
         cmocka_unit_test(traces_come_back),
         cmocka_unit_test(a_volume_comes_back),
         cmocka_unit_test(more_blocks_than_voxels_are_none),
+        cmocka_unit_test(surroundings_that_do_not_hold_are_none),
         cmocka_unit_test(a_ping_is_read_as_it_was_sent),
         cmocka_unit_test(objects_are_listed_as_they_are),
         cmocka_unit_test(walls_come_back),

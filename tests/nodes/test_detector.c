@@ -274,6 +274,42 @@ static void what_is_too_unlikely_is_left_out(void **state)
     assert_int_equal(r->list->n_detections, 0);
 }
 
+/* The same place in the coarse image, as bright as `here`; 8 cm behind the volume stands
+ * something of brightness 1. */
+static size_t found_before(struct rig *r, float here)
+{
+    const float behind[1][4] = {{0.183f, 0.142f, 1.58f, 1.0f}};
+    const double at_m[3] = {0.183, 0.142, 1.196};
+    float coarse[2][2][2] = {{{0.0f}}};
+    struct object_list list;
+    struct volume v;
+
+    add_blob(r, at_m, sharp_m);
+    volume_from_message(&v, &r->volume, 0);
+    v.method = "lct"; /* an image of power */
+    for (int i = 0; i < 8; i++)
+        (&coarse[0][0][0])[i] = here;
+    v.around = (struct surroundings_view){
+        .grid = {{-0.1, -0.1, 0.9}, {0.6, 0.5, 0.6}, {2, 2, 2}},
+        .intensity = &coarse[0][0][0],
+        .n_spots = 1,
+        .spots = behind};
+    assert_int_equal(detector_volume(&r->detector, &v, NULL, &list, NULL), 0);
+    return list.n;
+}
+
+static void a_sidelobe_of_what_stands_behind_the_volume_is_no_object(void **state)
+{
+    struct rig *r = *state;
+
+    r->detector.cfg.min_existence = 0.0;
+    assert_int_equal(found_before(r, 0.5f), 1);
+    assert_int_equal(found_before(r, 1e-4f), 1); /* named, but hardly there */
+    r->detector.cfg.min_existence = 0.5;
+    assert_int_equal(found_before(r, 0.5f), 1);
+    assert_int_equal(found_before(r, 1e-4f), 0);
+}
+
 static void the_threshold_is_above_the_noise(void **state)
 {
     struct rig *r = *state;
@@ -342,6 +378,7 @@ int main(void)
         TEST(the_aperture_tells_how_wide_a_point_is),
         TEST(a_body_wider_than_a_point_has_an_extent),
         TEST(what_is_too_unlikely_is_left_out),
+        TEST(a_sidelobe_of_what_stands_behind_the_volume_is_no_object),
         TEST(the_threshold_is_above_the_noise),
         TEST(the_counter_rises_and_previews_are_marked),
         TEST(a_volume_before_its_survey_waits),

@@ -54,15 +54,23 @@ static int teardown(void **state)
     return 0;
 }
 
-static void make_traces(struct rig *r, uint32_t position, uint32_t speaker)
+static void make_traces_of(struct rig *r, uint64_t survey_id, uint32_t position,
+                           uint32_t speaker)
 {
     Anlos__Ping ping;
 
-    scene_ping(&r->scene, ANLOS__PASS__BACKGROUND, position, speaker, &ping);
-    dsp_ping(r->dsp, &ping, 0, &r->traces);
-    scene_ping(&r->scene, ANLOS__PASS__SCENE, position, speaker, &ping);
-    dsp_ping(r->dsp, &ping, 0, &r->traces);
+    for (int pass = 0; pass < 2; pass++) {
+        scene_ping(&r->scene, pass ? ANLOS__PASS__SCENE : ANLOS__PASS__BACKGROUND,
+                   position, speaker, &ping);
+        ping.survey_id = survey_id;
+        dsp_ping(r->dsp, &ping, 0, &r->traces);
+    }
     assert_true(r->traces.has_traces);
+}
+
+static void make_traces(struct rig *r, uint32_t position, uint32_t speaker)
+{
+    make_traces_of(r, r->scene.survey->id, position, speaker);
 }
 
 static void take(struct rig *r, int64_t capture_ns)
@@ -151,6 +159,47 @@ static void the_brightest_voxel_is_the_mirrored_point(void **state)
     assert_string_equal(v.method, "fast");
     assert_int_equal(v.source, ANLOS__SOURCE__SIMULATION);
     assert_int_equal(v.microphones_masked, 0);
+}
+
+/* A preview does not look there. */
+static void what_stands_beside_the_volume_comes_with_the_image(void **state)
+{
+    struct rig *r = *state;
+    const struct room_object *object;
+    struct error why = {""};
+    struct volume v;
+    Anlos__Volume m;
+    struct survey s;
+
+    assert_int_equal(room_objects(r->scene.room, &object), 1);
+    assert_int_equal(survey_from_message(&s, r->scene.survey, &why), 0);
+    s.volume_m[0][0] = object->virtual_m[0] + 0.08;
+    Anlos__Survey *beside = scene_message(&s);
+    assert_non_null(beside);
+    assert_int_equal(recon_survey(r->recon, beside, &why), 0);
+    assert_int_equal(dsp_survey(r->dsp, beside, NULL), 0);
+    for (uint32_t p = 0; p < N_POSITIONS; p++)
+        for (uint32_t k = 0; k < N_SPEAKERS; k++) {
+            make_traces_of(r, beside->id, p, k);
+            take(r, 1000);
+            assert_true(r->receipt.usable);
+        }
+    recon_image(r->recon, true, &m);
+    assert_null(m.coarse);
+    recon_image(r->recon, false, &m);
+    volume_from_message(&v, &m, 0);
+    assert_non_null(v.around.intensity);
+    bool seen = false; /* among its repetitions */
+    for (size_t i = 0; i < v.around.n_spots; i++) {
+        double away2 = 0.0;
+        for (int a = 0; a < 3; a++)
+            away2 += pow(v.around.spots[i][a] - object->virtual_m[a], 2.0);
+        seen |= away2 < 0.08 * 0.08 &&
+                v.around.spots[i][3] > 0.25f * v.around.spots[0][3];
+    }
+    assert_true(seen);
+    anlos__survey__free_unpacked(beside, NULL);
+    survey_clear(&s);
 }
 
 static void traces_of_another_survey_or_format_are_refused(void **state)
@@ -261,6 +310,7 @@ int main(void)
         TEST(a_ping_taken_twice_counts_once_and_is_acknowledged_twice),
         TEST(a_position_is_new_when_all_its_speakers_are_in),
         TEST(the_brightest_voxel_is_the_mirrored_point),
+        TEST(what_stands_beside_the_volume_comes_with_the_image),
         TEST(traces_of_another_survey_or_format_are_refused),
         TEST(a_new_scan_begins_with_nothing),
         TEST(masked_microphones_and_clipped_samples_are_summed_up),

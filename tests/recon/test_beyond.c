@@ -57,8 +57,8 @@ static double existence_beside(double louder_db, double inside_z_m, bool of_powe
     struct scene s;
 
     open_scene(&s, points, 2);
-    assert_int_equal(beyond_judge(&s.set, &s.rig.grid, RANGE_DB, of_power, s.pool, &d, 1),
-                     0);
+    assert_int_equal(
+        beyond_judge_traces(&s.set, &s.rig.grid, RANGE_DB, of_power, s.pool, &d, 1), 0);
     close_scene(&s);
     assert_true(d.existence >= 0.0 && d.existence <= 1.0);
     return d.existence;
@@ -104,7 +104,8 @@ static void what_is_outside_may_be_a_sidelobe_itself(void **state)
     for (int first = 0; first <= 1; first++) {
         struct detection found[2] = {seen(&points[first]), seen(&points[!first])};
         assert_int_equal(
-            beyond_judge(&s.set, &s.rig.grid, RANGE_DB, false, s.pool, found, 2), 0);
+            beyond_judge_traces(&s.set, &s.rig.grid, RANGE_DB, false, s.pool, found, 2),
+            0);
         assert_true(found[0].existence == 1.0 && found[1].existence == 1.0);
     }
     close_scene(&s);
@@ -124,7 +125,8 @@ static void of_an_image_of_power_what_no_pings_agree_about_is_none(void **state)
         struct scene s;
         open_scene(&s, points, 2);
         assert_int_equal(
-            beyond_judge(&s.set, &s.rig.grid, RANGE_DB, power, s.pool, found, 3), 0);
+            beyond_judge_traces(&s.set, &s.rig.grid, RANGE_DB, power, s.pool, found, 3),
+            0);
         assert_true(found[0].existence > 0.999);
         assert_true(found[1].existence > 0.9);
         assert_true(power ? found[2].existence < 0.3 : found[2].existence > 0.999);
@@ -144,10 +146,10 @@ static void what_is_wide_is_heard_where_it_is_loudest(void **state)
     narrow = wide;
     wide.extent_m[0] = 0.5;
     open_scene(&s, points, 2);
-    assert_int_equal(beyond_judge(&s.set, &s.rig.grid, RANGE_DB, true, s.pool, &wide, 1),
-                     0);
     assert_int_equal(
-        beyond_judge(&s.set, &s.rig.grid, RANGE_DB, true, s.pool, &narrow, 1), 0);
+        beyond_judge_traces(&s.set, &s.rig.grid, RANGE_DB, true, s.pool, &wide, 1), 0);
+    assert_int_equal(
+        beyond_judge_traces(&s.set, &s.rig.grid, RANGE_DB, true, s.pool, &narrow, 1), 0);
     close_scene(&s);
     assert_true(wide.existence > 0.8);
     assert_true(narrow.existence < 0.3);
@@ -176,9 +178,9 @@ static void nothing_is_reported_but_at_the_border_that_it_lies_beyond(void **sta
         geometry_resolution(&s.rig.geometry, s.rig.band_hz, 1.1, cfg.resolution_m);
         assert_int_equal(detect_objects(&cfg, &s.rig.grid, image, found, MAX, &n), 0);
         free(image);
-        assert_int_equal(
-            beyond_judge(&s.set, &s.rig.grid, RANGE_DB, cfg.clipped, s.pool, found, n),
-            0);
+        assert_int_equal(beyond_judge_traces(&s.set, &s.rig.grid, RANGE_DB, cfg.clipped,
+                                             s.pool, found, n),
+                         0);
         for (size_t i = 0; i < n; i++) {
             if (found[i].existence < 0.5)
                 continue;
@@ -201,8 +203,8 @@ static void an_array_that_cannot_be_imaged_so_is_left_alone(void **state)
 
     open_scene(&s, points, 2);
     s.rig.speakers_m[3][2] += 0.3;
-    assert_int_equal(beyond_judge(&s.set, &s.rig.grid, RANGE_DB, false, s.pool, &d, 1),
-                     0);
+    assert_int_equal(
+        beyond_judge_traces(&s.set, &s.rig.grid, RANGE_DB, false, s.pool, &d, 1), 0);
     assert_true(d.existence == 1.0);
     close_scene(&s);
 }

@@ -262,7 +262,7 @@ static int beyond_work(void *context, struct error *why)
     struct detection d = {.position_m = {0.0, 0.0, 1.0}, .existence = 1.0};
 
     (void)why;
-    return beyond_judge(&l->a.set, &l->grid, 15.0, false, l->pool, &d, 1);
+    return beyond_judge_traces(&l->a.set, &l->grid, 15.0, false, l->pool, &d, 1);
 }
 
 static int psf_work(void *context, struct error *why)

@@ -366,6 +366,13 @@ static void traces_and_images_of_others_are_refused(void **state)
     IMAGE(wrong.n[1] = 0, "along y");
     IMAGE(wrong.step_m[2] = NAN, "along z");
     IMAGE(wrong.origin_m[0] = NAN, "origin");
+    static const float beyond[2][4] = {{0.0f, 0.0f, 1.0f, 1.0f}, {0.0f, NAN, 1.0f, 1.0f}};
+    static const float below[4] = {0.0f, 0.0f, 1.0f, -1.0f};
+    IMAGE(wrong.coarse = wrong.intensity, "coarse voxels");
+    IMAGE(wrong.n_beyond = 1, "beyond of an image is NULL");
+    IMAGE((wrong.beyond = beyond[0], wrong.n_beyond = 257), "256 at most");
+    IMAGE((wrong.beyond = beyond[0], wrong.n_beyond = 2), "place 1 is none");
+    IMAGE((wrong.beyond = below, wrong.n_beyond = 1), "place 0 is none");
 #undef IMAGE
     ok(anlos_detector_image(d, &image, NULL, 0, &why)); /* empty: no objects */
     anlos_compressor_destroy(c);

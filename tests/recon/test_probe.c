@@ -185,26 +185,6 @@ static void a_single_pair_in_motion_is_looked_at_too(void **state)
     array_traces_clear(&a);
 }
 
-/* Of a width that is not known no steps can be made: what is seen there would be seen at
- * the volume's ends alone, where its depth is another. */
-static void an_axis_that_is_not_resolved_is_stepped_along_too(void **state)
-{
-    (void)state;
-    struct array_traces a;
-    struct grid grid, coarse;
-    double band_hz[2];
-    array_traces_create(&a, 1);
-    assert_int_equal(grid_from_limits(&grid, volume_m), 0);
-    probe_view(&a.set, &grid, band_hz, &coarse);
-    assert_true(coarse.step_m[1] <= 4.0 * grid.step_m[1]);
-    for (int i = 0; i < 3; i++) {
-        double extent_m = grid.step_m[i] * (double)(grid.n[i] - 1);
-        assert_near(coarse.step_m[i] * (double)(coarse.n[i] - 1), extent_m, 1e-9);
-        assert_near(coarse.origin_m[i], grid.origin_m[i], 0.0);
-    }
-    array_traces_clear(&a);
-}
-
 static void threads_do_not_change_what_is_seen(void **state)
 {
     (void)state;
@@ -228,7 +208,6 @@ int main(void)
         cmocka_unit_test(a_stage_that_goes_on_is_not_taken_for_elements_that_are_off),
         cmocka_unit_test(silence_keeps_all_depths),
         cmocka_unit_test(a_single_pair_in_motion_is_looked_at_too),
-        cmocka_unit_test(an_axis_that_is_not_resolved_is_stepped_along_too),
         cmocka_unit_test(threads_do_not_change_what_is_seen),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

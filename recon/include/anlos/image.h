@@ -33,6 +33,15 @@ struct anlos_image {
     const float *newest; /* [newest_n[2]][newest_n[1]][newest_n[0]] */
     double newest_origin_m[3], newest_step_m[3];
     size_t newest_n[3];
+    /* Of a scan that is whole, by the lower half of the band: the same volume, coarse,
+     * and the brightest places beyond it; a detector holds objects against them.  NULL:
+     * none, where the method `fast` cannot image. */
+    const float *coarse; /* [coarse_n[2]][coarse_n[1]][coarse_n[0]] */
+    double coarse_origin_m[3], coarse_step_m[3];
+    size_t coarse_n[3];
+    const float *beyond; /* [n_beyond][4]: x, y, z, and how bright it is there, in the
+                          * units of coarse; brightest first */
+    size_t n_beyond;
 };
 
 #endif

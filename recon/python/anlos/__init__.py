@@ -376,9 +376,14 @@ class Pipeline:
         """The newest, copied."""
         s = self._filled("image")
         facts = _values(s)
-        for name in ("size", "intensity", "n", "newest", "newest_n"):
+        for name in ("size", "intensity", "n", "newest_n", "coarse_n", "n_beyond"):
             del facts[name]
-        facts["newest"] = _copied(s.newest, s.newest_n) if s.newest != _ffi.NULL else None
+        for name, n in (("newest", s.newest_n), ("coarse", s.coarse_n),
+                        ("beyond", (4, s.n_beyond, 1))):
+            there = getattr(s, name) != _ffi.NULL
+            facts[name] = _copied(getattr(s, name), n) if there else None
+        if facts["beyond"] is not None:
+            facts["beyond"] = facts["beyond"][0]
         return Image(_copied(s.intensity, s.n), facts.pop("origin_m"), facts.pop("step_m"),
                      facts)
 
