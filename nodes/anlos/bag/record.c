@@ -311,9 +311,10 @@ static void tell_stop(struct job *j)
 
 static int record(struct job *j, struct error *why)
 {
-    int64_t show_ns = 0;
+    int64_t start_ns = clock_now_ns(j->clock), show_ns = start_ns + SHOW_PERIOD_NS;
     int err = 0;
 
+    show(j, start_ns);
     while (!err && !interrupt_requested()) {
         double left_s = j->options->duration_s - elapsed_s(j);
         if (left_s <= 0.0)
