@@ -8,7 +8,7 @@ set -euo pipefail
 build=$(realpath "$1")
 system=$work/system
 
-for tool in cpack dpkg dpkg-shlibdeps help2man lintian man pkg-config /usr/bin/python3; do
+for tool in cpack dpkg dpkg-gensymbols dpkg-shlibdeps help2man lintian man pkg-config /usr/bin/python3; do
     if ! command -v $tool >/dev/null; then
         echo "skipped: there is no $tool"
         exit 77
@@ -65,6 +65,21 @@ test_a_rebuild_elsewhere_gives_the_same_packages() {
         expect_code 0
     done
     rm -rf "$work/some"
+}
+
+# Compiled with these headers, which an older library refuses, it depends on one as new.
+test_the_symbols_of_the_library_are_those_that_debian_is_told() {
+    local version
+    mkdir -p "$work/source/debian"
+    printf 'Source: anlos\n\nPackage: libanlos1\nArchitecture: any\n' >"$work/source/debian/control"
+    version=$(dpkg-deb -f "$work"/libanlos1_*.deb Version)
+    # What is gone shows in a later version alone.
+    run env -C "$work/source" dpkg-gensymbols -c4 -plibanlos1 -v"$version+next" -O/dev/null \
+        -e"$system/usr/lib/libanlos.so.1" -I"$system/var/lib/dpkg/info/libanlos1.symbols"
+    expect_code 0
+    run grep -c "^ anlos_survey_create_for@Base $version\$" \
+        "$system/var/lib/dpkg/info/libanlos1.symbols"
+    expect_code 0
 }
 
 test_lintian_finds_no_error() {
