@@ -90,6 +90,229 @@ class Recorded(unittest.TestCase):
         self.assertEqual(wall.distance_m, 0.8)
 
 
+class Simulated(unittest.TestCase):
+    """A scene of the simulator, with curves of its microphones, from its file to its objects."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.scratch = tempfile.TemporaryDirectory(prefix="anlos-python-")
+        at = cls.scratch.name + "/corner"
+        cls.recording = anlos.simulate(os.path.dirname(SCENE) + "/corner.yaml", at, threads=2,
+                                       program=PROGRAM)
+        cls.pipeline = anlos.Pipeline(cls.recording.survey, method="fast",
+                                      background="recorded", threads=2)
+        cls.pings = 0
+        for ping in cls.recording.pings():
+            cls.pipeline.ping(**ping)
+            cls.pings += 1
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.scratch.cleanup()
+
+    def test_the_image_has_the_bytes_of_the_command_line(self):
+        self.assertEqual(self.pings, 2 * 32 * 16)
+        at = self.recording.folder
+        self.assertTrue(os.path.isdir(at + "/calibration"))
+        run("bag", "import", at + "/scene", "--survey", at + "/survey.yaml", "--background",
+            at + "/background", "-o", at + "/scan.mcap")
+        run("recon", "--bag", at + "/scan.mcap", "--out", at + "/image", "--method", "fast",
+            "--threads", "2")
+        with open(at + "/image/volume.nrrd", "rb") as f:
+            data = f.read().split(b"\n\n", 1)[1]
+        self.assertEqual(self.pipeline.image().intensity.tobytes(), data)
+
+    def test_the_objects_are_where_the_scene_has_them(self):
+        found = [o.position_m for o in self.pipeline.objects().objects]
+        self.assertEqual(len(found), 3)
+        for o in self.recording.objects:
+            off = min(numpy.linalg.norm(p - o["vehicle_m"]) for p in found)
+            self.assertLess(off, 0.02, o["name"])
+
+    def test_what_cannot_be_simulated_says_why(self):
+        at = self.recording.folder
+        for error, text, scene, folder in (
+                (ValueError, "nowhere.yaml", at + "/nowhere.yaml", at + "/new"),
+                (ValueError, "exists already", SCENE, at)):
+            with self.assertRaisesRegex(error, text):
+                anlos.simulate(scene, folder, program=PROGRAM)
+
+    def test_keys_of_a_survey_that_are_not_taken_are_refused(self):
+        with open(self.recording.folder + "/survey.yaml", encoding="utf-8") as f:
+            whole = f.read()
+        axis = "  axis: [1, 0, 0]\n"
+        self.assertIn(axis, whole)
+        for more, text in (("  continuous: true\n", "stage.continuous"),
+                           ("pings: p.csv\n", "pings"), ("", None)):
+            name = self.scratch.name + "/survey.yaml"
+            with open(name, "w", encoding="utf-8") as f:
+                f.write(whole.replace(axis, axis + more) if more.startswith(" ") else whole + more)
+            with self.assertRaisesRegex(ValueError if text else OSError, text or "sim00.txt"):
+                anlos.Survey.load(name)
+        os.mkdir(self.scratch.name + "/calibration")
+        with open(self.scratch.name + "/calibration/sim00.txt", "w", encoding="utf-8") as f:
+            f.write('"SERNO: sim00"\n20 0.5\nrain\n')
+        with self.assertRaisesRegex(ValueError, "sim00.txt:3: expected a frequency"):
+            anlos.Survey.load(name)
+
+    def test_chirps_that_alternate_and_walls_with_gates_are_taken(self):
+        """As their survey of the C library says it, by the same id."""
+        name = self.scratch.name + "/plain.yaml"
+        with open(name, "w", encoding="utf-8") as f:
+            f.write("sound_speed_m_s: 343\nsample_rate_hz: 48000\nslot_samples: 1500\n"
+                    "together: 2\nspeakers_m: [[0, 0, 0], [0, 0.1, 0]]\n"
+                    "microphones_m: [[0, 0.2, 0]]\n"
+                    "chirp: {start_hz: 2000, stop_hz: 20000, duration_s: 0.03, alternates: true}\n"
+                    "walls:\n  - {normal: [0, 0, 1], distance_m: 1, gate_m: [1, 3]}\n"
+                    "  - {normal: [1, 0, 0], distance_m: 2, gate_m: [3, 5]}\n")
+        same = {"chirp": (2000, 20000, 0.03), "slot_samples": 1500, "sound_speed_m_s": 343}
+        places = [[0, 0, 0], [0, 0.1, 0]], [[0, 0.2, 0]]
+        walls = [([0, 0, 1], 1, 1, 3), ([1, 0, 0], 2, 3, 5)]
+        loaded = anlos.Survey.load(name)
+        self.assertEqual(loaded.id, anlos.Survey(*places, alternates=True, together=2,
+                                                 walls=walls, **same).id)
+        for other in ({"together": 2, "walls": walls}, {"alternates": True, "walls": walls},
+                      {"alternates": True, "together": 2, "walls": walls[:1]}):
+            self.assertNotEqual(loaded.id, anlos.Survey(*places, **other, **same).id)
+
+
+class Stages(unittest.TestCase):
+    """One after the other they give what the pipeline gives."""
+
+    def assert_same(self, one, other):
+        """Fields of two dataclasses, to the bit."""
+        def flat(record):
+            values = dict(vars(record))
+            facts = values.pop("facts", {})
+            return {**values, **facts}
+
+        one, other = flat(one), flat(other)
+        self.assertEqual(one.keys(), other.keys())
+        for name, value in one.items():
+            numpy.testing.assert_array_equal(value, other[name], name)
+
+    @staticmethod
+    def heard(survey, speaker, microphones, point):
+        """One ping: at each microphone a chirp, late by the way by the point."""
+        chirp = survey.emission()
+        ping = numpy.zeros((len(microphones), survey.ping_samples), numpy.float32)
+        for heard, at in zip(ping, microphones):
+            way = sum(numpy.linalg.norm(numpy.subtract(point, end)) for end in (speaker, at))
+            first = round(way / 343.0 * 48000)
+            heard[first:first + len(chirp)] += 0.05 * chirp
+        return ping
+
+    def test_a_scan(self):
+        stage, column = [0.04 * i for i in range(6)], [0.08 * i for i in range(4)]
+        survey = anlos.Survey([[0, y, 0] for y in column], [[0.04, y, 0] for y in column],
+                              stage=([1, 0, 0], stage), sound_speed_m_s=343,
+                              chirp=(2000, 20000, 0.03125), walls=[([0, 0, 1], 0.8)],
+                              volume_m=[(0.02, 0.24, 0.02), (0, 0.22, 0.02), (0.9, 1.5, 0.01)])
+        pipeline, compressor = anlos.Pipeline(survey), anlos.Compressor(survey)
+        imager, detector = anlos.Imager(survey), anlos.Detector(survey)
+        for ask in (imager.image, detector.objects):
+            with self.assertRaisesRegex(anlos.Error, "."):
+                ask()
+        last = False
+        for i, x, j, y in ((i, x, j, y) for i, x in enumerate(stage) for j, y in enumerate(column)):
+            self.assertFalse(last)
+            ping = self.heard(survey, (x, y, 0), [(x + 0.04, m, 0) for m in column],
+                              (0.13, 0.11, 1.2))
+            pipeline.ping(ping, position=i, speaker=j)
+            traces = compressor.ping(ping, position=i, speaker=j)
+            self.assertEqual(traces.samples.shape[0], 4)
+            self.assertFalse(traces.masked.any())
+            last = imager.add(traces)
+        self.assertTrue(last)
+        image = imager.image()
+        self.assert_same(image, pipeline.image())
+        for walls in (None, pipeline.walls(), [vars(w) for w in pipeline.walls()]):
+            detector.image(image, walls)
+            found, of_pipeline = detector.objects(), pipeline.objects()
+            self.assertEqual(len(found.objects), 1)
+            self.assert_same(found.objects[0], of_pipeline.objects[0])
+        off = found.objects[0].position_m - (0.13, 0.11, 0.4)  # the wall at 0.8 mirrors 1.2
+        self.assertLess(numpy.linalg.norm(off), 0.01)
+        with self.assertRaisesRegex(TypeError, "complex64, not float32"):
+            imager.add(anlos.Traces(traces.samples.real.copy(), traces.masked, traces.facts))
+        with self.assertRaisesRegex(ValueError, "masked: expected 4, not 3"):
+            imager.add(anlos.Traces(traces.samples, traces.masked[:3], traces.facts))
+        with self.assertRaisesRegex(TypeError, "colour: no such field of struct anlos_traces"):
+            imager.add(anlos.Traces(traces.samples, traces.masked,
+                                    {**traces.facts, "colour": 1}))
+        with self.assertRaisesRegex(ValueError, "intensity: expected rows"):
+            detector.image(anlos.Image(image.intensity.T, image.origin_m, image.step_m,
+                                       image.facts))
+        with self.assertRaisesRegex(ValueError, "beyond: expected 4 numbers a place, not 3"):
+            detector.image(anlos.Image(image.intensity, image.origin_m, image.step_m,
+                                       {**image.facts, "beyond": numpy.zeros((2, 3), "f4")}))
+
+    def row(self):
+        """It looks ahead, from half a metre above the ground."""
+        speakers = [[0.12 * i, 0, 0] for i in range(4)]
+        microphones = [[x + 0.06, 0.03, 0] for x, _, _ in speakers]
+        return speakers, microphones, anlos.Survey(
+            speakers, microphones, sound_speed_m_s=343, chirp=(2000, 20000, 0.03125),
+            volume_m=[(-0.4, 1, 0.02), (0, 0, 1), (0.9, 1.6, 0.01)],
+            mount=([0, 0, 0.5], [0, 1, 0], [0, 0, 1]))
+
+    def test_a_static_array(self):
+        speakers, microphones, survey = self.row()
+        how = {"background": "none", "false_alarm_rate": 0, "lost_s": 100}
+        pipeline = anlos.Pipeline(survey, array="static", **how)
+        compressor = anlos.Compressor(survey, array="static", **how)
+        array, tracker = anlos.StaticArray(survey, **how), anlos.Tracker(survey, **how)
+        wall = {"id": 1, "normal": [0, 0, 1], "distance_m": 0.8, "existence": 1}
+        second = 1_000_000_000
+        pipeline.give_walls([wall], second)
+        for stage in (array, tracker):
+            stage.walls([wall], second)
+        for stage in (pipeline, compressor, array, tracker):
+            stage.ego(0, 0, second)
+        found = 0
+        for k in range(48):
+            at = (0.2, 0, 1.5 - 0.3 * k / 32)  # comes nearer
+            ping = self.heard(survey, speakers[k % 4], microphones, at)
+            now = {"speaker": k % 4, "capture_ns": second + k * second // 32}
+            news = pipeline.ping(ping, **now)
+            due = array.add(compressor.ping(ping, **now))
+            self.assertEqual(bool(news & anlos.News.IMAGE), due)
+            if due:
+                image = array.image()
+                self.assert_same(image, pipeline.image())
+                tracker.image(image)
+                mine, whole = tracker.objects(), pipeline.objects()
+                self.assertEqual(len(mine.objects), len(whole.objects))
+                for one, other in zip(mine.objects, whole.objects):
+                    self.assert_same(one, other)
+                    found += 1
+        self.assertGreater(found, 0)
+        with self.assertRaises(anlos.Error) as caught:
+            tracker.image(image)
+        self.assertEqual(caught.exception.what, "too old")
+
+    def test_a_wall_is_found_where_it_is(self):
+        speakers, microphones, survey = self.row()
+        finder = anlos.WallFinder(survey, walls="heard", background="none")
+        lists = 0
+        for k in range(100):  # 3 s
+            x, y, _ = speakers[k % 4]
+            ping = numpy.zeros((4, survey.ping_samples), numpy.float32)
+            chirp = survey.emission()
+            for heard, at in zip(ping, microphones):  # from the image source behind the wall
+                first = round(numpy.linalg.norm(numpy.subtract(at, (x, y, 2.2))) / 343 * 48000)
+                heard[first:first + len(chirp)] += 0.05 * chirp
+            lists += finder.ping(ping, speaker=k % 4,
+                                 capture_ns=10**9 + k * 10**9 // 32)
+        self.assertGreater(lists, 1)
+        wall, = finder.walls()
+        self.assertLess(abs(wall.distance_m - 1.1), 0.005)
+        given = anlos.WallFinder(survey, walls="given")
+        self.assertTrue(given.given([{"id": 9, "normal": [1, 0, 0], "distance_m": 2.0,
+                                      "existence": 1.0}], 10**9))
+        self.assertEqual([w.id for w in given.walls()], [9])
+
+
 class Wrong(unittest.TestCase):
     """What cannot be is refused, and said."""
 

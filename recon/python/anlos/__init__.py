@@ -12,20 +12,26 @@ Arrays are NumPy's; samples are used where they lie, without a copy.  Units, fra
 and what each value means: the C headers, anlos/*.h, whose names are kept.  What goes wrong is
 an anlos.Error with the library's sentence.
 """
+from __future__ import annotations
+
 import dataclasses
 import enum
+import json
 import os
+import tempfile
+from typing import Iterator
 
 import cffi
 import numpy
 
 from . import _interface
 from .bag import Bag, Message, Record
-from .live import Publisher, Subscription, publish, subscribe
+from .live import Publisher, Subscription, publish, run_program, subscribe
 
-__all__ = ["Bag", "Error", "Image", "Message", "News", "Object", "Objects", "Pipeline",
-           "Publisher", "Record", "Subscription", "Survey", "Wall",
-           "methods", "options", "publish", "subscribe", "version"]
+__all__ = ["Bag", "Compressor", "Detector", "Error", "Image", "Imager", "Message", "News",
+           "Object", "Objects", "Pipeline", "Publisher", "Record", "Recording", "StaticArray",
+           "Subscription", "Survey", "Tracker", "Traces", "Wall", "WallFinder",
+           "methods", "options", "publish", "simulate", "subscribe", "version"]
 
 _ffi = cffi.FFI()
 _ffi.cdef(_interface.CDEF)
@@ -93,6 +99,41 @@ def options() -> dict[str, tuple[str, list[str]]]:
     return out
 
 
+_SURVEY_KEYS = {
+    "temperature_c": None, "sound_speed_m_s": None, "sample_rate_hz": None, "slot_samples": None,
+    "latency_samples": None, "together": None, "speakers_m": None, "microphones_m": None,
+    "gate_m": None,
+    "chirp": {"start_hz", "stop_hz", "duration_s", "phase", "alternates"},
+    "stage": {"axis", "positions_m"}, "calibration": {"folder", "serials"},
+    "volume": {"x_m", "y_m", "z_m"}, "wall": {"normal", "distance_m"},
+    "walls": {"normal", "distance_m", "gate_m"}, "mount": {"origin_m", "x_axis", "y_axis"}}
+
+
+def _unknown(y, known):
+    """Names of keys: of the file's, "stage.continuous"."""
+    for key, value in y.items():
+        if key not in known:
+            yield str(key)
+        elif known[key]:
+            for part in value if isinstance(value, list) else [value]:
+                yield from (f"{key}.{k}" for k in part if k not in known[key])
+
+
+def _curve(path):
+    """A microphone's: lines of a frequency in Hz and a gain in dB, after any heading."""
+    points = []
+    with open(path, encoding="utf-8", errors="replace") as f:
+        for number, line in enumerate(f, 1):
+            try:
+                hz, db = map(float, line.split())
+            except ValueError:
+                if points and line.strip():
+                    raise ValueError(f"{path}:{number}: expected a frequency in Hz and dB") from None
+            else:
+                points.append((hz, db))
+    return tuple(zip(*points)) or ((), ())
+
+
 class Survey:
     """Where speakers, microphones, stage and wall are, and what is emitted when."""
 
@@ -155,32 +196,42 @@ class Survey:
         _call(getattr(_lib, "anlos_survey_" + what), self._p, *arguments)
 
     @classmethod
-    def load(cls, path: str) -> "Survey":
-        """Of a survey.yaml, as `anlos sim` and recordings have it."""
+    def load(cls, path: str | os.PathLike) -> Survey:
+        """Of a survey.yaml, as `anlos sim` and recordings have it, with the curves of its
+        microphones.  Keys that are not taken here are refused: pings, replica, and a stage that
+        does not stop."""
         import yaml
 
         with open(path, encoding="utf-8") as f:
             y = yaml.safe_load(f)
-        known = {"sound_speed_m_s", "sample_rate_hz", "chirp", "slot_samples",
-                 "latency_samples", "speakers_m", "microphones_m", "stage", "gate_m", "volume",
-                 "wall", "mount"}
         if not isinstance(y, dict):
             raise ValueError(f"{path}: not a survey")
-        if set(y) - known:
-            raise ValueError(f"{path}: keys that are not taken here: "
-                             + ", ".join(sorted(set(y) - known)))
-        c, wall, mount = y.get("chirp", {}), y.get("wall"), y.get("mount")
-        volume = y.get("volume")
+        unknown = sorted(_unknown(y, _SURVEY_KEYS))
+        if unknown:
+            raise ValueError(f"{path}: keys that are not taken here: " + ", ".join(unknown))
+        c, mount = y.get("chirp", {}), y.get("mount")
+        volume, stage = y.get("volume"), y.get("stage")
+        walls = [(w["normal"], w["distance_m"], *w["gate_m"]) for w in y.get("walls", ())]
+        if "wall" in y and not walls:
+            walls = [(y["wall"]["normal"], y["wall"]["distance_m"])]
+        air = None
+        if "temperature_c" in y and "sound_speed_m_s" not in y:
+            air = y["temperature_c"], 0.0
+        curves = y.get("calibration")
+        if curves:
+            folder = os.path.join(os.path.dirname(path), curves["folder"])
+            curves = [_curve(os.path.join(folder, f"{name}.txt")) for name in curves["serials"]]
         return cls(
             y["speakers_m"], y["microphones_m"],
-            stage=(y["stage"]["axis"], y["stage"]["positions_m"]) if "stage" in y else None,
+            stage=(stage["axis"], stage["positions_m"]) if stage else None,
             chirp=(c.get("start_hz", 2000.0), c.get("stop_hz", 20000.0),
                    c.get("duration_s", 0.0625)),
             sine=c.get("phase") == "sine", sample_rate_hz=y.get("sample_rate_hz", 48000.0),
             slot_samples=y.get("slot_samples"), latency_samples=y.get("latency_samples", 0.0),
-            sound_speed_m_s=y.get("sound_speed_m_s"), gate_m=y.get("gate_m"),
+            alternates=c.get("alternates", False), together=y.get("together", 1),
+            sound_speed_m_s=y.get("sound_speed_m_s"), air=air, gate_m=y.get("gate_m"),
             volume_m=[volume[k] for k in ("x_m", "y_m", "z_m")] if volume else None,
-            walls=[(wall["normal"], wall["distance_m"])] if wall else (),
+            walls=walls, responses=curves,
             mount=[mount[k] for k in ("origin_m", "x_axis", "y_axis")] if mount else None)
 
     def check(self) -> None:
@@ -217,17 +268,21 @@ class Survey:
         return out
 
 
-def _samples(a, dimensions):
-    """As they lie: of another type, shape or order they are refused, not converted."""
-    if not isinstance(a, numpy.ndarray) or a.dtype != numpy.float32:
-        raise TypeError("samples: expected a NumPy array of float32, not "
+def _array(a, dtype, dimensions, name):
+    """As it lies: of another type, shape or order it is refused, not converted."""
+    if not isinstance(a, numpy.ndarray) or a.dtype != dtype:
+        raise TypeError(f"{name}: expected a NumPy array of {numpy.dtype(dtype)}, not "
                         + (str(a.dtype) if isinstance(a, numpy.ndarray) else type(a).__name__))
     if a.ndim != dimensions:
-        raise ValueError(f"samples: expected {dimensions} dimensions, not {a.ndim}")
+        raise ValueError(f"{name}: expected {dimensions} dimensions, not {a.ndim}")
     if not a.flags.c_contiguous:
-        raise ValueError("samples: expected rows one after the other (C order); "
+        raise ValueError(f"{name}: expected rows one after the other (C order); "
                          "numpy.ascontiguousarray copies them so")
     return a
+
+
+def _samples(a, dimensions):
+    return _array(a, numpy.float32, dimensions, "samples")
 
 
 class News(enum.IntFlag):
@@ -294,86 +349,26 @@ _ENUMS = {
 }
 
 
-class Pipeline:
-    """All stages in one: pings to images, hidden objects and tracks."""
+class _Stage:
+    """A handle of the library, made of a configuration and a survey."""
 
-    def __init__(self, survey: Survey, array: str = "scan", **config):
-        """config: fields of struct anlos_config; background "none", "recorded" or
-        "adaptive", walls "survey", "given" or "heard", options {"name": value}."""
-        kept = []  # what the configuration points to
-        cfg = _ffi.new("struct anlos_config *")
-        _lib.anlos_config_fill(cfg, _ffi.sizeof(cfg[0]),
-                                        _choice("array", array))
-        fields = dict(_ffi.typeof(cfg[0]).fields)
-        for name, value in config.items():
-            if name not in fields or name in ("size", "array", "n_options"):
-                raise TypeError(f"{name}: no such field of struct anlos_config")
-            if name == "options":
-                kept.append([_ffi.new("char[]", f"{k}={v}".encode()) for k, v in
-                             value.items()])
-                kept.append(_ffi.new("const char *[]", kept[-1]))
-                cfg.options, cfg.n_options = kept[-1], len(value)
-            elif name in _ENUMS:
-                setattr(cfg, name, _choice(name, value))
-            elif isinstance(value, str):
-                kept.append(_ffi.new("char[]", value.encode()))
-                setattr(cfg, name, kept[-1])
-            else:
-                setattr(cfg, name, value)
-        out = _ffi.new("struct anlos_pipeline **")
-        _call(_lib.anlos_pipeline_create, out, cfg, survey._p)
-        self._p = _ffi.gc(out[0], _lib.anlos_pipeline_destroy)
+    def __init__(self, noun, survey, array, config):
+        cfg, _held = _configuration(array, config)
+        out = _ffi.new(f"struct anlos_{noun} **")
+        self._noun = noun
+        _call(getattr(_lib, f"anlos_{noun}_create"), out, cfg, survey._p)
+        self._p = _ffi.gc(out[0], getattr(_lib, f"anlos_{noun}_destroy"))
 
-    def survey(self, survey: Survey) -> None:
-        """Another one from now on: what was heard is forgotten."""
-        _call(_lib.anlos_pipeline_survey, self._p, survey._p)
+    def _call(self, what, *arguments):
+        return _call(getattr(_lib, f"anlos_{self._noun}_{what}"), self._p, *arguments)
 
-    def ping(self, samples: numpy.ndarray, *, clipped=None, **fields) -> News:
-        """samples: float32 [microphone][sample], C order, not copied.  fields: those of
-        struct anlos_ping: position, speaker, background, capture_ns, frame, ...  Returns
-        News."""
-        a = _samples(samples, 2)
-        ping = _ffi.new("struct anlos_ping *")
-        ping.size = _ffi.sizeof(ping[0])
-        known = dict(_ffi.typeof(ping[0]).fields)
-        for name, value in fields.items():
-            if name not in known or name in ("size", "samples", "n_samples", "n_microphones"):
-                raise TypeError(f"{name}: no such field of struct anlos_ping")
-            setattr(ping, name, value)
-        if "temperature_c" in fields:
-            ping.has_temperature = True
-        ping.n_microphones, ping.n_samples = a.shape
-        held = _ffi.from_buffer("float[]", a)
-        ping.samples = held
-        if clipped is not None:
-            counts = numpy.ascontiguousarray(clipped, dtype=numpy.uint32)
-            if counts.size != a.shape[0]:
-                raise ValueError(f"clipped: expected {a.shape[0]} counts, not {counts.size}")
-            held_counts = _ffi.from_buffer("uint32_t[]", counts)
-            ping.clipped = held_counts
-        return News(_call(_lib.anlos_pipeline_ping, self._p, ping))
+    def _filled(self, what, *which):
+        s = _ffi.new(f"struct anlos_{what} *")
+        s.size = _ffi.sizeof(s[0])
+        self._call(what, *which, s)
+        return s[0]
 
-    def finish(self) -> News:
-        """A scan has ended: one that lacks pings gets its image."""
-        return News(_call(_lib.anlos_pipeline_finish, self._p))
-
-    def ego(self, speed_m_s: float, yaw_rate_rad_s: float, capture_ns: int) -> None:
-        _call(_lib.anlos_pipeline_ego, self._p, speed_m_s, yaw_rate_rad_s, capture_ns)
-
-    def air(self, temperature_c: float) -> None:
-        _call(_lib.anlos_pipeline_air, self._p, temperature_c)
-
-    def give_walls(self, walls: list[dict], capture_ns: int) -> News:
-        """walls: of each a dict with the fields of struct anlos_wall.  Returns News."""
-        array = _ffi.new("struct anlos_wall[]", len(walls))
-        for w, values in zip(array, walls):
-            w.size = _ffi.sizeof(w)
-            for name, value in values.items():
-                setattr(w, name, list(value) if numpy.ndim(value) else value)
-        return News(_call(_lib.anlos_pipeline_walls, self._p, array, len(walls), capture_ns))
-
-    def image(self) -> Image:
-        """The newest, copied."""
+    def _image(self):
         s = self._filled("image")
         facts = _values(s)
         for name in ("size", "intensity", "n", "newest_n", "coarse_n", "n_beyond"):
@@ -387,12 +382,126 @@ class Pipeline:
         return Image(_copied(s.intensity, s.n), facts.pop("origin_m"), facts.pop("step_m"),
                      facts)
 
-    def objects(self) -> Objects:
-        """The newest list of detections, or of tracks of a static array."""
+    def _objects(self):
         found = self._filled("list")
         facts = {k: v for k, v in _values(found).items() if k not in ("size", "n")}
         return Objects([Object._of(self._filled("object", i)) for i in range(found.n)],
                        **facts)
+
+
+def _configuration(array, config):
+    """struct anlos_config *, and what has to live as long."""
+    cfg = _ffi.new("struct anlos_config *")
+    held = [cfg]
+    _lib.anlos_config_fill(cfg, _ffi.sizeof(cfg[0]), _choice("array", array))
+    fields = dict(_ffi.typeof(cfg[0]).fields)
+    for name, value in config.items():
+        if name not in fields or name in ("size", "array", "n_options"):
+            raise TypeError(f"{name}: no such field of struct anlos_config")
+        if name == "options":
+            held.append([_ffi.new("char[]", f"{k}={v}".encode()) for k, v in value.items()])
+            held.append(_ffi.new("const char *[]", held[-1]))
+            cfg.options, cfg.n_options = held[-1], len(value)
+        elif name in _ENUMS:
+            setattr(cfg, name, _choice(name, value))
+        elif isinstance(value, str):
+            held.append(_ffi.new("char[]", value.encode()))
+            setattr(cfg, name, held[-1])
+        else:
+            setattr(cfg, name, value)
+    return cfg, held
+
+
+def _ping(samples, clipped, fields):
+    """struct anlos_ping * of samples where they lie, and what has to live as long."""
+    a = _samples(samples, 2)
+    ping = _ffi.new("struct anlos_ping *")
+    ping.size = _ffi.sizeof(ping[0])
+    known = dict(_ffi.typeof(ping[0]).fields)
+    for name, value in fields.items():
+        if name not in known or name in ("size", "samples", "n_samples", "n_microphones"):
+            raise TypeError(f"{name}: no such field of struct anlos_ping")
+        setattr(ping, name, value)
+    if "temperature_c" in fields:
+        ping.has_temperature = True
+    ping.n_microphones, ping.n_samples = a.shape
+    held = [_ffi.from_buffer("float[]", a)]
+    ping.samples = held[0]
+    if clipped is not None:
+        counts = numpy.ascontiguousarray(clipped, dtype=numpy.uint32)
+        if counts.size != a.shape[0]:
+            raise ValueError(f"clipped: expected {a.shape[0]} counts, not {counts.size}")
+        held.append(_ffi.from_buffer("uint32_t[]", counts))
+        ping.clipped = held[-1]
+    return ping, held
+
+
+def _wall_array(walls):
+    """struct anlos_wall [] of dicts with its fields, or of Walls."""
+    array = _ffi.new("struct anlos_wall[]", len(walls))
+    for w, values in zip(array, walls):
+        w.size = _ffi.sizeof(w)
+        values = vars(values) if isinstance(values, Wall) else values
+        for name, value in values.items():
+            setattr(w, name, list(value) if numpy.ndim(value) else value)
+    return array
+
+
+def _filled_in(struct, facts):
+    """A struct of the library with these fields, and the texts that it points to."""
+    s, held = _ffi.new(f"struct anlos_{struct} *"), []
+    s.size = _ffi.sizeof(s[0])
+    known = dict(_ffi.typeof(s[0]).fields)
+    for name, value in facts.items():
+        if name not in known:
+            raise TypeError(f"{name}: no such field of struct anlos_{struct}")
+        if isinstance(value, str):
+            held.append(_ffi.new("char[]", value.encode()))
+            value = held[-1]
+        setattr(s, name, list(value) if numpy.ndim(value) else value)
+    return s, held
+
+
+class Pipeline(_Stage):
+    """All stages in one: pings to images, hidden objects and tracks."""
+
+    def __init__(self, survey: Survey, array: str = "scan", **config):
+        """config: fields of struct anlos_config; background "none", "recorded" or
+        "adaptive", walls "survey", "given" or "heard", options {"name": value}."""
+        super().__init__("pipeline", survey, array, config)
+
+    def survey(self, survey: Survey) -> None:
+        """Another one from now on: what was heard is forgotten."""
+        self._call("survey", survey._p)
+
+    def ping(self, samples: numpy.ndarray, *, clipped=None, **fields) -> News:
+        """samples: float32 [microphone][sample], C order, not copied.  fields: those of
+        struct anlos_ping: position, speaker, background, capture_ns, frame, ...  Returns
+        News."""
+        ping, _held = _ping(samples, clipped, fields)
+        return News(self._call("ping", ping))
+
+    def finish(self) -> News:
+        """A scan has ended: one that lacks pings gets its image."""
+        return News(self._call("finish"))
+
+    def ego(self, speed_m_s: float, yaw_rate_rad_s: float, capture_ns: int) -> None:
+        self._call("ego", speed_m_s, yaw_rate_rad_s, capture_ns)
+
+    def air(self, temperature_c: float) -> None:
+        self._call("air", temperature_c)
+
+    def give_walls(self, walls: list[dict | Wall], capture_ns: int) -> News:
+        """walls: of each a dict with the fields of struct anlos_wall, or a Wall."""
+        return News(self._call("walls", _wall_array(walls), len(walls), capture_ns))
+
+    def image(self) -> Image:
+        """The newest, copied."""
+        return self._image()
+
+    def objects(self) -> Objects:
+        """The newest list of detections, or of tracks of a static array."""
+        return self._objects()
 
     def walls(self) -> list[Wall]:
         """Those that images and tracks go by, in the array's frame, the surest first."""
@@ -409,11 +518,214 @@ class Pipeline:
         del values["size"]
         return values
 
-    def _filled(self, what, *which):
-        s = _ffi.new(f"struct anlos_{what} *")
-        s.size = _ffi.sizeof(s[0])
-        _call(getattr(_lib, "anlos_pipeline_" + what), self._p, *which, s)
-        return s[0]
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Traces:
+    """Of one ping: samples complex64 [microphone][sample], masked bool [microphone]; sample n
+    belongs to the delay facts["t0_s"] + n / facts["rate_hz"]; facts: the other fields of
+    struct anlos_traces."""
+    samples: numpy.ndarray
+    masked: numpy.ndarray
+    facts: dict
+
+
+class Compressor(_Stage):
+    """Pings to traces: pulse compression, and what stands subtracted."""
+
+    def __init__(self, survey: Survey, array: str = "scan", **config):
+        """config: as of Pipeline; window, compression and background count."""
+        super().__init__("compressor", survey, array, config)
+
+    def ping(self, samples: numpy.ndarray, *, clipped=None, **fields) -> Traces | None:
+        """As of Pipeline.  None: it was of the background, which is kept."""
+        ping, _held = _ping(samples, clipped, fields)
+        out = _ffi.new("struct anlos_traces *")
+        out.size = _ffi.sizeof(out[0])
+        if not self._call("ping", ping, out):
+            return None
+        s = out[0]
+        n = (s.n_microphones, s.n_samples)
+        y = numpy.frombuffer(_ffi.buffer(s.samples, 8 * n[0] * n[1]), numpy.complex64)
+        masked = numpy.zeros(n[0], bool)
+        if s.masked != _ffi.NULL:
+            masked[:] = list(s.masked[0:n[0]])
+        facts = {k: v for k, v in _values(s).items()
+                 if k not in ("size", "n_microphones", "n_samples", "samples", "masked")}
+        return Traces(y.reshape(n).copy(), masked, facts)
+
+    def ego(self, speed_m_s: float, yaw_rate_rad_s: float, capture_ns: int) -> None:
+        self._call("ego", speed_m_s, yaw_rate_rad_s, capture_ns)
+
+
+class _TakesTraces(_Stage):
+    def add(self, traces: Traces) -> bool:
+        """True: the image is due, as every ping of a scan, or of a round, is in."""
+        s, _held = _filled_in("traces", traces.facts)
+        y = _array(traces.samples, numpy.complex64, 2, "samples")
+        masked = _array(traces.masked, numpy.bool_, 1, "masked")
+        if masked.size != y.shape[0]:
+            raise ValueError(f"masked: expected {y.shape[0]}, not {masked.size}")
+        s.n_microphones, s.n_samples = y.shape
+        lie = _ffi.from_buffer("char[]", y), _ffi.from_buffer("bool[]", masked)
+        s.samples, s.masked = _ffi.cast("float *", lie[0]), lie[1]
+        return bool(self._call("add", s))
+
+    def image(self) -> Image:
+        """Of what is in, copied."""
+        return self._image()
+
+
+class Imager(_TakesTraces):
+    """A scan's traces to an image, by any of methods()."""
+
+    def __init__(self, survey: Survey, **config):
+        """config: as of Pipeline; method, options, threads count, and the window and
+        compression that the traces were made with."""
+        super().__init__("imager", survey, "scan", config)
+
+
+class StaticArray(_TakesTraces):
+    """A static array's newest traces to an image for every round of pings."""
+
+    def __init__(self, survey: Survey, **config):
+        super().__init__("static_array", survey, "static", config)
+
+    def ego(self, speed_m_s: float, yaw_rate_rad_s: float, capture_ns: int) -> None:
+        self._call("ego", speed_m_s, yaw_rate_rad_s, capture_ns)
+
+    def walls(self, walls: list[dict | Wall], capture_ns: int) -> None:
+        """At a time, in the array's frame."""
+        self._call("walls", _wall_array(walls), len(walls), capture_ns)
+
+
+def _image_struct(image):
+    """struct anlos_image, of arrays where they lie, and what has to live as long."""
+    arrays = {name: image.facts.get(name) for name in ("newest", "coarse", "beyond")}
+    s, held = _filled_in("image", {k: v for k, v in image.facts.items() if k not in arrays})
+    s.origin_m, s.step_m = list(image.origin_m), list(image.step_m)
+    for name, x in (("intensity", image.intensity), *arrays.items()):
+        if x is None:
+            continue
+        x = _array(x, numpy.float32, 2 if name == "beyond" else 3, name)
+        if name == "beyond":
+            if x.shape[1] != 4:
+                raise ValueError(f"beyond: expected 4 numbers a place, not {x.shape[1]}")
+            s.n_beyond = len(x)
+        else:
+            setattr(s, "n" if name == "intensity" else name + "_n", x.shape[::-1])
+        held.append(_ffi.from_buffer("float[]", x))
+        setattr(s, name, held[-1])
+    return s, held
+
+
+class Detector(_Stage):
+    """An image to the hidden objects in it; each list stands for itself."""
+
+    def __init__(self, survey: Survey, array: str = "scan", **config):
+        """config: as of Pipeline; threshold_db, min_existence, false_alarm_rate count."""
+        super().__init__("detector", survey, array, config)
+
+    def image(self, image: Image, walls: list[dict | Wall] | None = None) -> None:
+        """walls: in the array's frame; None: the survey's."""
+        s, _held = _image_struct(image)
+        self._call("image", s, _ffi.NULL if walls is None else _wall_array(walls),
+                   0 if walls is None else len(walls))
+
+    def objects(self) -> Objects:
+        """Of the newest image."""
+        return self._objects()
+
+
+class Tracker(_Stage):
+    """A static array's images, one after the other, to objects that stay."""
+
+    def __init__(self, survey: Survey, **config):
+        super().__init__("tracker", survey, "static", config)
+
+    def ego(self, speed_m_s: float, yaw_rate_rad_s: float, capture_ns: int) -> None:
+        self._call("ego", speed_m_s, yaw_rate_rad_s, capture_ns)
+
+    def walls(self, walls: list[dict | Wall], capture_ns: int) -> None:
+        """At a time, in the array's frame."""
+        self._call("walls", _wall_array(walls), len(walls), capture_ns)
+
+    def image(self, image: Image) -> None:
+        """At its stamp, which is newer than the last one's."""
+        s, _held = _image_struct(image)
+        self._call("image", s)
+
+    def objects(self) -> Objects:
+        """At the stamp of the newest image."""
+        return self._objects()
+
+
+class WallFinder(_Stage):
+    """The walls that mirror sound, heard in the pings themselves, or given."""
+
+    def __init__(self, survey: Survey, array: str = "static", **config):
+        """config: as of Pipeline; walls, reach_m, lost_s count."""
+        super().__init__("wall_finder", survey, array, config)
+
+    def ping(self, samples: numpy.ndarray, *, clipped=None, **fields) -> bool:
+        """As of Pipeline.  True: there is a new list of walls."""
+        ping, _held = _ping(samples, clipped, fields)
+        return bool(self._call("ping", ping))
+
+    def ego(self, speed_m_s: float, yaw_rate_rad_s: float, capture_ns: int) -> bool:
+        return bool(self._call("ego", speed_m_s, yaw_rate_rad_s, capture_ns))
+
+    def given(self, walls: list[dict | Wall], capture_ns: int) -> bool:
+        """All that the vehicle knows, in its frame; with walls="given"."""
+        return bool(self._call("given", _wall_array(walls), len(walls), capture_ns))
+
+    def walls(self) -> list[Wall]:
+        """The newest list, in the array's frame, the surest first."""
+        return [Wall._of(self._filled("wall", i)) for i in
+                range(_lib.anlos_wall_finder_n_walls(self._p, _ffi.NULL))]
+
+
+class Recording:
+    """A folder that `anlos sim` has written, or one of recordings laid out likewise: survey,
+    objects (what truth.json says of each, where it is there), and the pings."""
+
+    def __init__(self, folder: str | os.PathLike, *, program: str | os.PathLike | None = None):
+        """program: anlos, if not on the PATH or in ANLOS_PROGRAM; it reads the WAV files."""
+        self.folder, self._program = os.fspath(folder), program
+        self.survey = Survey.load(os.path.join(self.folder, "survey.yaml"))
+        self.objects: list[dict] = []
+        truth = os.path.join(self.folder, "truth.json")
+        if os.path.exists(truth):
+            with open(truth, encoding="utf-8") as f:
+                self.objects = json.load(f)["objects"]
+
+    def pings(self) -> Iterator[dict]:
+        """Those of the background, if there are any, then those of the scene: what
+        Pipeline.ping takes, `pipeline.ping(**ping)`."""
+        at, background = self.folder, os.path.join(self.folder, "background")
+        with tempfile.TemporaryDirectory(prefix="anlos-") as scratch:
+            path = os.path.join(scratch, "recording.mcap")
+            more = ["--background", background] if os.path.isdir(background) else []
+            run_program(self._program, "bag", "import", os.path.join(at, "scene"), "--survey",
+                        os.path.join(at, "survey.yaml"), *more, "-o", path, "--compression",
+                        "none")
+            for m in Bag(path).messages("ping"):
+                ping = {name: getattr(m, name) for name in (
+                    "samples", "position", "speaker", "frame", "down", "scan", "capture_ns")}
+                ping["background"] = getattr(m, "pass") == "BACKGROUND"
+                if len(m.clipped):
+                    ping["clipped"] = m.clipped
+                if numpy.isfinite(m.temperature_c):
+                    ping["temperature_c"] = m.temperature_c
+                yield ping
+
+
+def simulate(scene: str | os.PathLike, folder: str | os.PathLike, *, threads: int | None = None,
+             program: str | os.PathLike | None = None) -> Recording:
+    """What an array hears in a scene of the simulator (launch/scenes), written into a folder by
+    `anlos sim`.  A scene that cannot be is a ValueError with the program's sentence."""
+    more = [] if threads is None else ["--threads", str(threads)]
+    run_program(program, "sim", os.fspath(scene), "--out", os.fspath(folder), *more)
+    return Recording(folder, program=program)
 
 
 def _choice(name, value):

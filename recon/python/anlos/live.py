@@ -35,6 +35,20 @@ def _program(path: Optional[Path]) -> str:
     return found
 
 
+def run_program(program: Optional[Path], command: str, *words: str) -> None:
+    """`anlos COMMAND ...` to its end; what it says of what is wrong is the exception's."""
+    done = subprocess.run([_program(program), command, *words], stdout=subprocess.DEVNULL,
+                          stderr=subprocess.PIPE, check=False)
+    said = [line for line in done.stderr.decode(errors="replace").splitlines()
+            if not line.startswith("Try '")]
+    if done.returncode:
+        text = said[-1] if said else f"anlos {command} ended with {done.returncode}"
+        text = text.removeprefix(f"anlos {command}: ")
+        raise ValueError(text) if done.returncode == 2 else RuntimeError(text)
+    for line in said:
+        _log.warning("%s", line)
+
+
 class _Process:
     """`anlos topic ...` with pipes.  What it says on the way goes to the log of name anlos, the
     last of it into the exception."""
