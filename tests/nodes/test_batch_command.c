@@ -792,6 +792,12 @@ static void two_versions_stand_side_by_side_all_and_by_tag(void **state)
     make_results(g);
     assert_int_equal(merge(g, "old", "new", "--out", "t.json", "--plots", "plots"), 0);
     assert_contains(g->r.out, "old: revision r1, program 1\n");
+    assert_contains(g->r.out, "\nnew over old, bag by bag:\n"
+                              "Error of place, m        "
+                              "lower in 2 of 2, the same in 0, higher in 0\n");
+    assert_contains(g->r.out, "\nFalse tracks an hour     "
+                              "lower in 1 of 2, the same in 1, higher in 0\n");
+    assert_null(strstr(g->r.out, "Detection probability")); /* no bag has one */
     json_t *all = json_load_file(scratch_path(g->scratch, "t.json"), 0, NULL);
     assert_non_null(all);
     const json_t *m = mean_of(all, "", "old");
@@ -806,6 +812,12 @@ static void two_versions_stand_side_by_side_all_and_by_tag(void **state)
     assert_near(number(m, "failed"), 1.0, 0.0);
     assert_near(number(m, "position_rms_m"), 0.075, 1e-9);
     assert_int_equal(json_array_size(json_object_get(all, "bags")), 6);
+    const json_t *by_bag = json_array_get(json_object_get(all, "comparisons"), 0);
+    assert_string_equal(json_string_value(json_object_get(by_bag, "figure")),
+                        "position_rms_m");
+    assert_near(number(by_bag, "bags"), 2.0, 0.0);
+    assert_near(number(by_bag, "lower"), 2.0, 0.0);
+    assert_near(number(by_bag, "higher"), 0.0, 0.0);
     json_decref(all);
     for (const char *const *p =
              (const char *const[]){"error", "pd", "false_tracks", "time", NULL};

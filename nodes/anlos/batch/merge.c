@@ -315,6 +315,39 @@ static double mean(const struct sum *s, size_t column)
     return s->weight[column] > 0.0 ? s->sum[column] / s->weight[column] : NAN;
 }
 
+/* -- the second version over the first, bag by bag --------------------------------------
+ */
+
+/* The bag of a row and of the one before it, which are done in both. */
+static bool is_pair(const struct merge *m, size_t i, const char *key, double *x,
+                    double *y)
+{
+    if (!i || m->rows[i - 1].version != 0 || m->rows[i].version != 1 ||
+        strcmp(m->rows[i - 1].job, m->rows[i].job) != 0)
+        return false;
+    *x = value_of(m->rows[i - 1].line, key);
+    *y = value_of(m->rows[i].line, key);
+    return isfinite(*x) && isfinite(*y);
+}
+
+struct comparison {
+    size_t bags, lower, higher; /* than in the first version; the others are the same */
+};
+
+static struct comparison compare(const struct merge *m, const char *key)
+{
+    struct comparison c = {.bags = 0};
+    double x, y;
+
+    for (size_t i = 0; i < m->n_rows; i++)
+        if (is_pair(m, i, key, &x, &y)) {
+            c.bags++;
+            c.lower += y < x;
+            c.higher += y > x;
+        }
+    return c;
+}
+
 /* -- the table --------------------------------------------------------------------------
  */
 static void print_head(void)
@@ -350,6 +383,18 @@ static void print_sums(const struct merge *m, const char *tag)
     }
 }
 
+static void print_comparisons(const struct merge *m)
+{
+    printf("\n%s over %s, bag by bag:\n", m->versions[1].label, m->versions[0].label);
+    for (size_t c = 0; c < N_COLUMNS; c++) {
+        const struct comparison by_bag = compare(m, columns[c].key);
+        if (columns[c].plot && by_bag.bags)
+            printf("%-24s lower in %zu of %zu, the same in %zu, higher in %zu\n",
+                   columns[c].title, by_bag.lower, by_bag.bags,
+                   by_bag.bags - by_bag.lower - by_bag.higher, by_bag.higher);
+    }
+}
+
 static void print_table(const struct merge *m)
 {
     const char *tag;
@@ -358,6 +403,8 @@ static void print_table(const struct merge *m)
     print_head();
     print_sums(m, NULL);
     json_object_foreach(m->tags, tag, any) print_sums(m, tag);
+    if (m->n_versions > 1)
+        print_comparisons(m);
     printf("\n");
     for (size_t v = 0; v < m->n_versions; v++)
         printf("%s: revision %s, program %s\n", m->versions[v].label,
@@ -383,6 +430,21 @@ static json_t *sums_json(const struct merge *m, const char *tag)
         for (size_t c = 0; c < N_COLUMNS; c++)
             json_object_set_new(o, columns[c].key, export_real(mean(&s, c)));
         json_array_append_new(all, o);
+    }
+    return all;
+}
+
+static json_t *comparisons_json(const struct merge *m)
+{
+    json_t *all = json_array();
+
+    for (size_t c = 0; c < N_COLUMNS && m->n_versions > 1; c++) {
+        const struct comparison by_bag = compare(m, columns[c].key);
+        if (by_bag.bags)
+            json_array_append_new(
+                all, json_pack("{ss, sI, sI, sI}", "figure", columns[c].key, "bags",
+                               (json_int_t)by_bag.bags, "lower", (json_int_t)by_bag.lower,
+                               "higher", (json_int_t)by_bag.higher));
     }
     return all;
 }
@@ -414,7 +476,8 @@ static json_t *json_of(const struct merge *m)
             json_object_update(o, r->line);
         json_array_append_new(bags, o);
     }
-    return json_pack("{so, so, so}", "versions", versions, "means", sums, "bags", bags);
+    return json_pack("{so, so, so, so}", "versions", versions, "means", sums,
+                     "comparisons", comparisons_json(m), "bags", bags);
 }
 
 /* A field as RFC 4180 has it. */
@@ -550,15 +613,14 @@ struct pairs { /* of one tag; the last are those of no other */
 static void gather(const struct merge *m, const char *key, struct pairs *all, size_t n,
                    double *most)
 {
-    for (size_t i = 1; i < m->n_rows; i++) {
-        const struct row *a = &m->rows[i - 1], *b = &m->rows[i];
-        double x = value_of(a->line, key), y = value_of(b->line, key);
-        const char *tag =
-            json_string_value(json_array_get(json_object_get(a->line, "tags"), 0));
-        size_t k = 0;
-        if (a->version != 0 || b->version != 1 || strcmp(a->job, b->job) ||
-            !isfinite(x) || !isfinite(y))
+    double x, y;
+
+    for (size_t i = 0; i < m->n_rows; i++) {
+        if (!is_pair(m, i, key, &x, &y))
             continue;
+        const char *tag = json_string_value(
+            json_array_get(json_object_get(m->rows[i - 1].line, "tags"), 0));
+        size_t k = 0;
         while (k + 1 < n && (!tag || strcmp(tag, all[k].tag) != 0))
             k++;
         all[k].x[all[k].n] = x;
@@ -584,8 +646,10 @@ static int plot(const struct merge *m, const struct column *c, struct pairs *all
     for (size_t k = 0; k < n; k++)
         series[k + 1] = (struct chart_series){all[k].tag, all[k].x,      all[k].y,
                                               all[k].n,   styles[k % 6], (int)k + 1};
+    const double least = -0.03 * line[1]; /* what is at 0 has a whole mark */
     const struct chart chart = {.title = c->title,
                                 .label = {m->versions[0].label, m->versions[1].label},
+                                .min = {least, least},
                                 .max = {line[1], line[1]},
                                 .series = series,
                                 .n_series = all[n - 1].n ? n + 1 : n,
