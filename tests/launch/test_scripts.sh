@@ -5,7 +5,8 @@ set -euo pipefail
 # shellcheck source=tests/launch/check.sh
 . "$(dirname "$0")/check.sh"
 
-scripts=(launch/setup launch/build launch/demo launch/package/manuals launch/batch/slurm.sh tests/run tests/format
+scripts=(launch/setup launch/build launch/demo launch/package/manuals launch/arm64/sysroot
+    launch/arm64/packages launch/batch/slurm.sh tests/run tests/format
     tests/hw/kernel tests/hw/guest)
 
 test_every_script_explains_itself() {
