@@ -2,6 +2,7 @@
 """check_dbc.py DBC PRINTER READER FRAMES: does canmatrix, which is not ours, read our DBC, do
 the frames that PRINTER prints decode to the values that it says it put in, does READER read
 what canmatrix encodes for the sensor, and does what was on a bus before still mean the same?
+Can readers take it that go line by line?
 The end-to-end protection is worked out here once more.
 
 check_dbc.py --record DBC PRINTER >FRAMES: some frames, each with the raw values that canmatrix
@@ -147,6 +148,29 @@ def check_float(where, signal, value, expected):
     check(value == narrow, f"{where}: {value}, expected {narrow}")
 
 
+# Each statement on its line, texts without quotes, values by whole numbers: what readers
+# that go line by line (cabana, SavvyCAN) take.
+NUMBER, TEXT = r"-?[0-9.]+", r'"[^"]*"'
+PLAIN = {
+    "BO_": r"BO_ \d+ \w+: \d+ \w+",
+    "SG_": rf" SG_ \w+ : \d+\|\d+@1[+-] \({NUMBER},{NUMBER}\) \[{NUMBER}\|{NUMBER}\] {TEXT} \w+",
+    "CM_": rf"CM_ (BU_ \w+ |BO_ \d+ |SG_ \d+ \w+ )?{TEXT};",
+    "VAL_": rf"VAL_ \d+ \w+( -?\d+ {TEXT})+ ?;",
+    "BA_": rf"BA_ {TEXT} (BO_ \d+ |SG_ \d+ \w+ )?({NUMBER}|{TEXT});",
+}
+
+
+def check_plain(dbc):
+    with open(dbc, encoding="utf-8") as file:
+        lines = [line.rstrip("\n") for line in file if line.strip() and line[0] != "\t"]
+    seen = set()
+    for line in lines:
+        word = line.split()[0]
+        seen.add(word)
+        check(word not in PLAIN or re.fullmatch(PLAIN[word], line), f"not plain: {line[:60]}")
+    check(seen >= set(PLAIN), f"statements: {sorted(seen)}")
+
+
 def frames_of(printer):
     """identifier, data, what went into it; of lines of candump -L."""
     lines = subprocess.run([printer], check=True, capture_output=True, text=True).stdout
@@ -288,6 +312,7 @@ def main():
     dbc, printer, reader, recorded = sys.argv[1:]
     db = canmatrix.formats.loadp_flat(dbc)
     check_layout(db)
+    check_plain(dbc)
     output = subprocess.run([printer], check=True, capture_output=True, text=True).stdout
     decoded = check_frames(db, output.splitlines())
     read = check_inputs(db, reader)
