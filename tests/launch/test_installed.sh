@@ -85,6 +85,7 @@ test_the_symbols_of_the_library_are_those_that_debian_is_told() {
 test_lintian_finds_no_error() {
     run lintian --allow-root --fail-on error "${packages[@]}"
     expect_code 0
+    expect_no_text "whatis" # each page says in a line what it is of
 }
 
 test_an_installed_system_images_the_scene_that_comes_with_it() {
