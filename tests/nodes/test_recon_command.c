@@ -239,6 +239,66 @@ static void a_point_lands_where_it_is(void **state)
     json_decref(j);
 }
 
+/* The brightest voxel of what was written; the header ends with an empty line. */
+static double peak_written(const struct fixture *f)
+{
+    char path[160], line[512];
+    float x, most = 0.0f;
+
+    snprintf(path, sizeof path, "%s/volume.nrrd", f->out);
+    FILE *file = fopen(path, "rb");
+    assert_non_null(file);
+    while (fgets(line, sizeof line, file) && strcmp(line, "\n") != 0)
+        ;
+    while (fread(&x, sizeof x, 1, file) == 1)
+        most = fmaxf(most, x);
+    fclose(file);
+    assert_true(most > 0.0f);
+    return most;
+}
+
+/* The weight that makes a point narrower would make more of what lies beside it. */
+static void objects_are_those_of_the_image_before_it_is_sharpened(void **state)
+{
+    struct fixture *f = *state;
+    static const char *const weights[2] = {"sharpen=0", "sharpen=4"};
+    json_t *found[2];
+    double peak[2];
+    char path[2][160];
+
+    for (int i = 0; i < 2; i++) {
+        struct command_result r;
+        snprintf(path[i], sizeof path[i], "%s/%d", f->folder, i);
+        char *words[] = {"recon",
+                         "--survey",
+                         f->survey,
+                         "--wav",
+                         f->scene,
+                         "--background",
+                         f->background,
+                         "--method",
+                         "fast",
+                         "--set",
+                         (char *)(uintptr_t)weights[i],
+                         "--threads",
+                         "1",
+                         "--out",
+                         path[i],
+                         NULL};
+        command_run(&r, command_recon, words);
+        assert_int_equal(r.code, 0);
+        snprintf(f->out, sizeof f->out, "%s", path[i]);
+        found[i] = load(f, "detections.json");
+        peak[i] = peak_written(f);
+    }
+    assert_true(json_array_size(json_object_get(found[0], "detections")) > 0);
+    assert_true(json_equal(json_object_get(found[0], "detections"),
+                           json_object_get(found[1], "detections")));
+    assert_true(fabs(peak[1] / peak[0] - 1.0) > 0.01); /* the image is another */
+    json_decref(found[0]);
+    json_decref(found[1]);
+}
+
 static void without_background_a_warning_says_so(void **state)
 {
     struct fixture *f = *state;
@@ -659,6 +719,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         test(a_point_lands_where_it_is),
+        test(objects_are_those_of_the_image_before_it_is_sharpened),
         test(without_background_a_warning_says_so),
         test(a_recording_that_is_its_own_background_is_refused),
         test(a_volume_of_the_command_line_is_named_as_that),

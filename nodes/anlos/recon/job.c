@@ -411,9 +411,38 @@ static int decide(struct recon_job *job, struct error *why)
     return err;
 }
 
+/* Objects are looked for in the image before it is sharpened, which goes to *out (NULL:
+ * it was not), and its imager into the place of the job's.  The weight that makes points
+ * narrower makes what lies beside them brighter: sidelobes and echoes by two ways would
+ * be told as objects, and what is faint be lost among them. */
+static int image_blunt(struct recon_job *job, const struct trace_set *traces, float **out,
+                       struct error *why)
+{
+    struct imager_options plain = job->imaging;
+    struct processing p = job->processing;
+
+    *out = NULL;
+    if (!(job->imaging.sharpen > 0.0) || !traces || job->options->budget_s > 0.0)
+        return 0;
+    imager_destroy(job->imager);
+    job->imager = NULL;
+    plain.sharpen = 0.0;
+    p.imaging = &plain;
+    int err =
+        processing_imager(&job->imager, &p, job->method, &job->format, job->pool, why);
+    if (err)
+        return err;
+    *out = malloc(grid_size(&p.grid) * sizeof **out);
+    if (!*out || trace_set_feed(traces, job->imager, job->pool))
+        return error_say(why, -ENOMEM, "out of memory");
+    imager_image(job->imager, *out);
+    return 0;
+}
+
 static int find_objects(struct recon_job *job, struct error *why)
 {
     struct detect_config detect;
+    float *blunt;
     detect_config_default(&detect);
     detect_config_method(&detect, job->method, &job->processing.grid);
     if (!detect.multipath)
@@ -423,6 +452,7 @@ static int find_objects(struct recon_job *job, struct error *why)
     else if (job->heard.traces)
         detect.traces = &job->heard;
     detect.pool = job->pool;
+    int err = image_blunt(job, detect.traces, &blunt, why);
     bool own_places = job->processing.geometry.pings_m != NULL;
     const struct clean clean = {detect.traces, job->imager, job->pool,
                                 job->options->traces != NULL, own_places};
@@ -430,16 +460,19 @@ static int find_objects(struct recon_job *job, struct error *why)
         detect.clean = &clean;
     if (own_places) /* seen from all sides, lobes have no one direction */
         detect.traces = NULL;
-    struct object_list list;
-    int err = objects_find(&list, &job->survey, NULL, &detect, 0.0, &job->processing.grid,
-                           job->intensity);
-    list.scan = 1;
-    list.counter = 1;
-    if (!err)
-        err = detections_from_objects(&job->detections, &list);
-    if (err)
-        return error_say(why, err, "detection: %s", strerror(-err));
-    return 0;
+    if (!err) {
+        struct object_list list;
+        err = objects_find(&list, &job->survey, NULL, &detect, 0.0, &job->processing.grid,
+                           blunt ? blunt : job->intensity);
+        list.scan = 1;
+        list.counter = 1;
+        if (!err)
+            err = detections_from_objects(&job->detections, &list);
+        if (err)
+            error_say(why, err, "detection: %s", strerror(-err));
+    }
+    free(blunt);
+    return err;
 }
 
 int recon_job_run(struct recon_job *job, struct error *why)
