@@ -49,10 +49,10 @@ stop_slurm() {
 }
 trap stop_slurm EXIT
 
-# Ports that nobody has.
+# Ports that nobody has, below those that the kernel gives to who connects.
 ports() {
     local port
-    for ((port = 20000 + RANDOM % 30000; ; port++)); do
+    for ((port = 20000 + RANDOM % 12000; ; port++)); do
         (exec 3<>"/dev/tcp/127.0.0.1/$port") 2>/dev/null || echo "$port"
     done | head -n 3
 }
