@@ -28,12 +28,14 @@ static double far_m(const struct grid *g, int axis)
     return g->origin_m[axis] + g->step_m[axis] * (double)(g->n[axis] - 1);
 }
 
-/* The volume's grid, continued on all sides. */
+/* The volume's grid, continued on all sides but those of a plane. */
 static void widen(struct grid *g)
 {
     double near = g->origin_m[2], far = far_m(g, 2);
 
     for (int a = 0; a < 3; a++) {
+        if (g->n[a] == 1)
+            continue;
         double after_m = a < 2 ? ASIDE * fabs(far) : ALONG;
         double before_m = a < 2 ? after_m : fmin(ALONG, fmax(0.5 * near, 0.0));
         double before = ceil(before_m / g->step_m[a]);

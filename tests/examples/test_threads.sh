@@ -9,7 +9,7 @@ set -euo pipefail
 
 compiler=${1:?a C compiler}
 objects=${2:?a folder for what is compiled}
-flags=(-std=c11 -D_GNU_SOURCE -fsanitize=thread -fPIE -O0 -g1 -I "$root"
+flags=(-std=c11 -D_GNU_SOURCE -fsanitize=thread -fPIE -O1 -g1 -I "$root"
     -I "$root/recon/include")
 
 echo 'int main(void) { return 0; }' >"$work/none.c"
