@@ -22,6 +22,7 @@
 #define SHORT      48
 #define SHORT_WAYS 4.0 /* what is needed, in shorter ones */
 #define LONE_WAYS  1.2 /* the same of a voxel whose step is ours to choose */
+#define MOST       1e7 /* places or frequencies: more are none that anybody images */
 
 /* Lengths at which FFTW's estimated plan is as good as a measured one (3.3.10, under 1.2
  * ns a point; others take up to 4).  All even. */
@@ -83,8 +84,10 @@ static int plan_axis(struct fk_axis *a, struct fk *m, int axis, const double *li
     period = fmax(period, extent(g, axis) + aperture);
     if (g->n[axis] == 1)
         g->step_m[axis] = lone_step(g->step_m[axis], period);
-    double step = g->step_m[axis];
-    a->n = fast_size(fmax(period / step, (double)g->n[axis]));
+    double step = g->step_m[axis], places = fmax(period / step, (double)g->n[axis]);
+    if (!(places <= MOST) || !(k_limit * places * step <= 2.0 * M_PI * MOST))
+        return -EINVAL;
+    a->n = fast_size(places);
     a->dk = 2.0 * M_PI / ((double)a->n * step);
     a->k_max = (size_t)floor(k_limit / a->dk);
     a->kept = 2 * a->k_max + 1 < a->n ? 2 * a->k_max + 1 : a->n;
@@ -275,6 +278,10 @@ int fk_create(struct fk **out, const struct fk_config *cfg)
     for (int a = 0; a < 3; a++)
         if (!(cfg->grid.step_m[a] > 0.0))
             return -EINVAL;
+    if (!((cfg->band_hz[1] + fabs(cfg->trace.carrier_hz)) *
+              (double)cfg->trace.n_samples <=
+          MOST * cfg->trace.rate_hz))
+        return -EINVAL;
     struct fk *m = calloc(1, sizeof *m);
     if (!m)
         return -ENOMEM;

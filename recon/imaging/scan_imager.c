@@ -71,7 +71,7 @@ static int look_around(struct scan_imager *r, struct error *why)
     int err = processing_surroundings(&r->around, &r->plan.processing, &r->plan.format,
                                       r->pool);
 
-    if (!err || err == -ENOTSUP)
+    if (!err || err == -ENOTSUP || err == -EINVAL)
         return 0;
     return error_say(why, err, "what lies around the volume: %s", strerror(-err));
 }

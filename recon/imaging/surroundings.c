@@ -11,6 +11,7 @@
 
 #define ASIDE 0.35 /* of the range */
 #define ALONG 0.25 /* m */
+#define MOST  2e7  /* voxels */
 
 struct surroundings {
     struct grid volume; /* that is wanted */
@@ -28,8 +29,14 @@ static double far_m(const struct grid *g, int axis)
     return g->origin_m[axis] + g->step_m[axis] * (double)(g->n[axis] - 1);
 }
 
-/* The volume's grid, continued on all sides but those of a plane. */
-static void widen(struct grid *g)
+static bool fits(const struct grid *g)
+{
+    return (double)g->n[0] * (double)g->n[1] * (double)g->n[2] <= MOST;
+}
+
+/* The volume's grid, continued on all sides but those of a plane.  false: it would have
+ * more steps along an axis than the coarse one may have voxels. */
+static bool widen(struct grid *g)
 {
     double near = g->origin_m[2], far = far_m(g, 2);
 
@@ -39,9 +46,13 @@ static void widen(struct grid *g)
         double after_m = a < 2 ? ASIDE * fabs(far) : ALONG;
         double before_m = a < 2 ? after_m : fmin(ALONG, fmax(0.5 * near, 0.0));
         double before = ceil(before_m / g->step_m[a]);
+        double more = before + ceil(after_m / g->step_m[a]);
+        if (!(more <= MOST))
+            return false;
         g->origin_m[a] -= before * g->step_m[a];
-        g->n[a] += (size_t)(before + ceil(after_m / g->step_m[a]));
+        g->n[a] += (size_t)more;
     }
+    return true;
 }
 
 /* The coarse voxels from the last before the volume to the first behind it. */
@@ -77,8 +88,11 @@ int surroundings_create(struct surroundings **out, const struct imager_config *w
 
     if (wanted->geometry->pings_m)
         return -ENOTSUP;
-    widen(&wide.grid);
+    if (!widen(&wide.grid))
+        return -ENOTSUP;
     coarse_view(&wide, &look);
+    if (!fits(&look.grid))
+        return -ENOTSUP;
     s = calloc(1, sizeof *s);
     if (!s)
         return -ENOMEM;

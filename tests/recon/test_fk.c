@@ -469,14 +469,14 @@ static void values_that_make_no_sense_are_refused(void **state)
 {
     (void)state;
     struct site s;
-    struct fk_config bad[9];
+    struct fk_config bad[12];
     struct pool *pool;
     site_default(&s);
     s.cfg.trace = s.rig.format;
     s.cfg.grid = s.rig.grid;
     assert_int_equal(pool_create(&pool, 1), 0);
     s.cfg.pool = pool;
-    for (int q = 0; q < 9; q++)
+    for (int q = 0; q < 12; q++)
         bad[q] = s.cfg;
     bad[0].nx = 0;
     bad[1].ny = 0;
@@ -487,7 +487,10 @@ static void values_that_make_no_sense_are_refused(void **state)
     bad[6].band_hz[1] = bad[6].band_hz[0];
     bad[7].plane_z_m = NAN;
     bad[8].band_hz[0] = NAN;
-    for (int q = 0; q < 9; q++)
+    bad[9].band_hz[1] = 1e170; /* more waves than can be counted */
+    bad[10].grid.step_m[0] = 1e-12;
+    bad[11].sound_speed_m_s = 1e-9;
+    for (int q = 0; q < 12; q++)
         expect_refused(&bad[q]);
     pool_destroy(pool);
     fk_destroy(NULL);

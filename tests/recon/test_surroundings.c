@@ -141,6 +141,9 @@ static void an_array_of_which_no_such_image_is_possible_has_none(void **state)
     wanted.geometry = &turning;
     assert_int_equal(surroundings_create(&around, &wanted), -ENOTSUP);
     wanted.geometry = &s.rig.geometry;
+    wanted.grid.step_m[1] = 1e-9; /* across, of a quarter of a metre */
+    assert_int_equal(surroundings_create(&around, &wanted), -ENOTSUP);
+    wanted.grid.step_m[1] = s.rig.grid.step_m[1];
     s.rig.speakers_m[3][2] += 0.3;
     assert_int_equal(surroundings_create(&around, &wanted), -ENOTSUP);
     close_scene(&s);
