@@ -11,7 +11,7 @@
 
 #define ASIDE 0.35 /* of the range */
 #define ALONG 0.25 /* m */
-#define MOST  2e7  /* voxels */
+#define MOST  1e7  /* voxels */
 
 struct surroundings {
     struct grid volume; /* that is wanted */

@@ -24,7 +24,7 @@ struct surroundings;
 
 /* Of the image that is wanted, in its pool, by the traces that it takes.  0, -ENOTSUP (an
  * array that `fast` does not image, pings with places of their own, or more voxels than
- * 20 millions), -EINVAL, -ENOMEM.
+ * 10 millions), -EINVAL, -ENOMEM.
  * Free with surroundings_destroy. */
 int surroundings_create(struct surroundings **out, const struct imager_config *wanted);
 
