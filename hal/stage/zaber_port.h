@@ -41,8 +41,8 @@ int zaber_port_open(struct zaber_port *p, const struct zaber_port_config *cfg,
 int zaber_port_reopen(struct zaber_port *p);
 
 /* Sends the command and waits for its answer, three times at most, twice as long each
- * time.  0, -EPROTO (rejected:
- * reply->data has why), -ETIMEDOUT, -ENODEV and others: the port is gone. */
+ * time.  0, -EPROTO (rejected: reply->data has why), -ETIMEDOUT, -ENODEV and others: the
+ * port is gone. */
 int zaber_port_ask(struct zaber_port *p, struct zaber_message *reply, const char *format,
                    ...) __attribute__((format(printf, 3, 4)));
 

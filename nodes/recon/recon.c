@@ -119,6 +119,7 @@ void recon_image(struct recon *r, bool preview, Anlos__Volume *out)
     struct volume volume;
 
     scan_imager_image(r->imager, preview, &volume);
+    volume_room_fit(&volume);
     volume_to_message(&volume, &r->view, out);
 }
 

@@ -5,8 +5,12 @@
 
 #include "dsp/error.h"
 #include "recon/survey.h"
+#include "recon/volume.h"
 
 /* 0, or -EINVAL and an error: also what processing_plan says of the survey. */
 int volume_room_check(const struct survey *s, struct error *why);
+
+/* Leaves out what lies around the volume where both do not fit. */
+void volume_room_fit(struct volume *v);
 
 #endif

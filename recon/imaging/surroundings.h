@@ -17,15 +17,15 @@ struct surroundings_view {
     size_t n_spots;
     const float (*spots)[4]; /* the brightest places beyond the volume, each brighter than
                               * what is next to it, brightest first: x, y, z in the array
-                              * frame, and how bright it is */
+                              * frame, m, and how bright it is, in the units of
+                              * intensity */
 };
 
 struct surroundings;
 
 /* Of the image that is wanted, in its pool, by the traces that it takes.  0, -ENOTSUP (an
- * array that `fast` does not image, pings with places of their own, or more voxels than
- * 10 millions), -EINVAL, -ENOMEM.
- * Free with surroundings_destroy. */
+ * array that `fast` does not image, pings with places of their own, or more than ten
+ * million voxels), -EINVAL, -ENOMEM.  Free with surroundings_destroy. */
 int surroundings_create(struct surroundings **out, const struct imager_config *wanted);
 
 /* Takes the traces; owned by it. */

@@ -12,6 +12,7 @@
 #include "msgs/convert.h"
 #include "nodes/dsp/dsp.h"
 #include "nodes/recon/recon.h"
+#include "nodes/recon/volume_room.h"
 #include "tests/nodes/near.h"
 #include "tests/nodes/scene.h"
 
@@ -301,6 +302,22 @@ static void a_volume_that_no_message_takes_is_complained_about(void **state)
     survey_clear(&s);
 }
 
+/* 256 MB are 64 Mi voxels, with some KB beside them. */
+static void what_lies_around_is_left_out_where_both_do_not_fit(void **state)
+{
+    (void)state;
+    const float some = 1.0f;
+
+    for (int i = 0; i < 2; i++) {
+        struct volume v = {
+            .grid = {.n = {1024, 1024, i ? 63 : 62}},
+            .around = {.grid = {.n = {1024, 1024, 1}}, .intensity = &some}};
+        volume_room_fit(&v);
+        assert_true((v.around.intensity != NULL) == (i == 0));
+        assert_int_equal(v.grid.n[2], i ? 63 : 62);
+    }
+}
+
 #define TEST(f) cmocka_unit_test_setup_teardown(f, setup, teardown)
 
 int main(void)
@@ -316,6 +333,7 @@ int main(void)
         TEST(masked_microphones_and_clipped_samples_are_summed_up),
         TEST(an_unknown_method_is_complained_about),
         TEST(a_volume_that_no_message_takes_is_complained_about),
+        TEST(what_lies_around_is_left_out_where_both_do_not_fit),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

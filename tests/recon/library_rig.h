@@ -20,7 +20,14 @@
 #define PI 3.14159265358979323846
 
 /* A small array before a wall: points appear at z behind it and are really before it. */
-enum { POSITIONS = 6, SPEAKERS = 4, MICS = 4, SLOT = 1500, PING = 2500 };
+enum {
+    POSITIONS = 6,
+    MOST_POSITIONS = 8,
+    SPEAKERS = 4,
+    MICS = 4,
+    SLOT = 1500,
+    PING = 2500
+};
 #define RATE_HZ  48000.0
 #define SPEED    343.0
 #define WALL_M   0.8
@@ -28,7 +35,7 @@ enum { POSITIONS = 6, SPEAKERS = 4, MICS = 4, SLOT = 1500, PING = 2500 };
 #define START_HZ 2000.0
 #define STOP_HZ  20000.0
 
-static const double stage[POSITIONS] = {0, 0.04, 0.08, 0.12, 0.16, 0.2};
+static const double stage[MOST_POSITIONS] = {0, 0.04, 0.08, 0.12, 0.16, 0.2, 0.24, 0.28};
 static const double point_m[3] = {0.12, 0.1, 1.2}; /* as imaged */
 static const double x_axis[3] = {1, 0, 0}, z_axis[3] = {0, 0, 1};
 

@@ -16,6 +16,49 @@ static void assert_same_object(const struct anlos_object *a, const struct anlos_
 /* -- a scan -----------------------------------------------------------------------------
  */
 
+/* The brightest coarse voxel of a scan of so many positions, the last of which is so much
+ * louder. */
+static float coarse_of(struct anlos_pipeline *p, uint32_t scan, size_t positions,
+                       double gain, double last_gain)
+{
+    struct anlos_image image = {.size = sizeof image};
+    float most = 0.0f;
+
+    for (size_t k = 0; k < positions * SPEAKERS; k++) {
+        struct anlos_ping ping = make_ping(k / SPEAKERS, k % SPEAKERS);
+        bool last = k / SPEAKERS == positions - 1;
+        ping.scan = scan;
+        echo(samples, k / SPEAKERS, k % SPEAKERS, last ? last_gain : gain);
+        ok(anlos_pipeline_ping(p, &ping, &why));
+    }
+    ok(anlos_pipeline_finish(p, &why));
+    ok(anlos_pipeline_image(p, &image, &why));
+    assert_non_null(image.coarse);
+    for (size_t v = 0; v < image.coarse_n[0] * image.coarse_n[1] * image.coarse_n[2]; v++)
+        most = fmaxf(most, image.coarse[v]);
+    return most;
+}
+
+/* Of many positions it is imaged before the last one comes, of few and of a scan that
+ * ends early with the image. */
+static void what_lies_around_is_of_the_same_scan_without_its_last_position(void **state)
+{
+    (void)state;
+    struct anlos_survey *s = make_survey(MOST_POSITIONS);
+    struct anlos_config cfg;
+    struct anlos_pipeline *p;
+
+    anlos_config_init(&cfg);
+    ok(anlos_pipeline_create(&p, &cfg, s, &why));
+    float first = coarse_of(p, 1, MOST_POSITIONS, 0.01, 0.01);
+    assert_true(first > 0.0f);
+    assert_true(coarse_of(p, 2, MOST_POSITIONS, 0.01, 0.1) == first);
+    assert_true(coarse_of(p, 3, POSITIONS, 0.02, 0.02) >
+                2.0f * first); /* 4 but for two */
+    anlos_pipeline_destroy(p);
+    anlos_survey_destroy(s);
+}
+
 static void a_scan_by_stages_is_that_of_the_pipeline(void **state)
 {
     (void)state;
@@ -470,6 +513,7 @@ static void null_is_refused_by_each_stage(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(what_lies_around_is_of_the_same_scan_without_its_last_position),
         cmocka_unit_test(a_scan_by_stages_is_that_of_the_pipeline),
         cmocka_unit_test(a_trace_peaks_at_the_delay_of_its_echo),
         cmocka_unit_test(a_static_array_by_stages_is_that_of_the_pipeline),

@@ -39,8 +39,8 @@ struct anlos_image {
     const float *coarse; /* [coarse_n[2]][coarse_n[1]][coarse_n[0]] */
     double coarse_origin_m[3], coarse_step_m[3];
     size_t coarse_n[3];
-    const float *beyond; /* [n_beyond][4]: x, y, z, and how bright it is there, in the
-                          * units of coarse; brightest first */
+    const float *beyond; /* [n_beyond][4]: x, y, z in the array's frame, m, and how
+                          * bright it is there, in the units of coarse; brightest first */
     size_t n_beyond;
 };
 

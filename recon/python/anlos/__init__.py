@@ -557,6 +557,15 @@ class Compressor(_Stage):
         self._call("ego", speed_m_s, yaw_rate_rad_s, capture_ns)
 
 
+class _OnVehicle(_Stage):
+    def ego(self, speed_m_s: float, yaw_rate_rad_s: float, capture_ns: int) -> None:
+        self._call("ego", speed_m_s, yaw_rate_rad_s, capture_ns)
+
+    def walls(self, walls: list[dict | Wall], capture_ns: int) -> None:
+        """At a time, in the array's frame."""
+        self._call("walls", _wall_array(walls), len(walls), capture_ns)
+
+
 class _TakesTraces(_Stage):
     def add(self, traces: Traces) -> bool:
         """True: the image is due, as every ping of a scan, or of a round, is in."""
@@ -584,18 +593,11 @@ class Imager(_TakesTraces):
         super().__init__("imager", survey, "scan", config)
 
 
-class StaticArray(_TakesTraces):
+class StaticArray(_OnVehicle, _TakesTraces):
     """A static array's newest traces to an image for every round of pings."""
 
     def __init__(self, survey: Survey, **config):
         super().__init__("static_array", survey, "static", config)
-
-    def ego(self, speed_m_s: float, yaw_rate_rad_s: float, capture_ns: int) -> None:
-        self._call("ego", speed_m_s, yaw_rate_rad_s, capture_ns)
-
-    def walls(self, walls: list[dict | Wall], capture_ns: int) -> None:
-        """At a time, in the array's frame."""
-        self._call("walls", _wall_array(walls), len(walls), capture_ns)
 
 
 def _image_struct(image):
@@ -636,18 +638,11 @@ class Detector(_Stage):
         return self._objects()
 
 
-class Tracker(_Stage):
+class Tracker(_OnVehicle):
     """A static array's images, one after the other, to objects that stay."""
 
     def __init__(self, survey: Survey, **config):
         super().__init__("tracker", survey, "static", config)
-
-    def ego(self, speed_m_s: float, yaw_rate_rad_s: float, capture_ns: int) -> None:
-        self._call("ego", speed_m_s, yaw_rate_rad_s, capture_ns)
-
-    def walls(self, walls: list[dict | Wall], capture_ns: int) -> None:
-        """At a time, in the array's frame."""
-        self._call("walls", _wall_array(walls), len(walls), capture_ns)
 
     def image(self, image: Image) -> None:
         """At its stamp, which is newer than the last one's."""
