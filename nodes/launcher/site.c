@@ -34,6 +34,8 @@ int site_open(const struct launchfile *l, const struct arguments *a,
     if (lock < 0)
         return lock;
     err = hosts_write(&l->hosts, run_dir, why);
+    if (!err)
+        err = rundir_set_launch(run_dir, l->path, why);
     close(lock);
     return err;
 }
@@ -41,11 +43,13 @@ int site_open(const struct launchfile *l, const struct arguments *a,
 void site_close(const struct launchfile *l, const char *run_dir)
 {
     const struct hosts none = {.n = 0};
-    int lock = l->hosts.n ? endpoint_lock(run_dir, "launcher", false, NULL) : -1;
+    int lock = endpoint_lock(run_dir, "launcher", false, NULL);
 
     if (lock < 0) /* or it is of the next one by now */
         return;
-    hosts_write(&none, run_dir, NULL);
+    if (l->hosts.n)
+        hosts_write(&none, run_dir, NULL);
+    rundir_set_launch(run_dir, NULL, NULL);
     close(lock);
 }
 

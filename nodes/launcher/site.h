@@ -10,9 +10,10 @@
 #include "nodes/rt/launchfile.h"
 #include "nodes/rt/rundir.h"
 
-/* Opens the run folder and writes RUN_DIR/hosts, or removes it; launchfile_choose_host
- * comes before.  0, -EINVAL, -EADDRNOTAVAIL (the host is not this machine), -EADDRINUSE
- * (a launcher runs in the folder), other negative errno. */
+/* Opens the run folder, writes RUN_DIR/hosts, or removes it, and leaves a link to the
+ * launch file there for the tools; launchfile_choose_host comes before.  0, -EINVAL,
+ * -EADDRNOTAVAIL (the host is not this machine), -EADDRINUSE (a launcher runs in the
+ * folder), other negative errno. */
 int site_open(const struct launchfile *l, const struct arguments *a,
               char run_dir[RUNDIR_SIZE], struct error *why);
 

@@ -113,3 +113,31 @@ int rundir_open(char out[RUNDIR_SIZE], const char *asked, struct error *why)
         return error_say(why, -EACCES, "run folder %s: is a link; try --run-dir", out);
     return rundir_check(out, why);
 }
+
+static void launch_link(char out[RUNDIR_SIZE + 16], const char *run_dir)
+{
+    snprintf(out, RUNDIR_SIZE + 16, "%s/launch.yaml", run_dir);
+}
+
+int rundir_set_launch(const char *run_dir, const char *path, struct error *why)
+{
+    char link[RUNDIR_SIZE + 16];
+
+    launch_link(link, run_dir);
+    if (unlink(link) && errno != ENOENT)
+        return error_say(why, -errno, "%s: %s", link, strerror(errno));
+    if (!path)
+        return 0;
+    char *real = realpath(path, NULL);
+    int err = real && !symlink(real, link) ? 0 : -errno;
+    free(real);
+    return err ? error_say(why, err, "%s: %s", link, strerror(-err)) : 0;
+}
+
+char *rundir_launch(const char *run_dir)
+{
+    char link[RUNDIR_SIZE + 16];
+
+    launch_link(link, run_dir);
+    return realpath(link, NULL);
+}

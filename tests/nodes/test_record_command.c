@@ -15,6 +15,7 @@
 
 #include "msgs/bag/manifest.h"
 #include "msgs/bus.h"
+#include "nodes/rt/rundir.h"
 
 #define DEADLINE_MS 60000
 #define MAX_WORDS   24
@@ -386,6 +387,52 @@ static void the_node_too_ends_with_1_when_messages_got_lost(void **state)
     assert_contains(g->text, expected);
 }
 
+static void the_launch_file_of_what_runs_there_is_kept_unasked(void **state)
+{
+    static const char text[] = "nodes: [record]\nrecord: {path: unused.mcap}\n";
+    struct rig *g = *state;
+    const char *const words[] = {"-o",         g->bag, "--run-dir", g->run_dir,
+                                 "--flush-ms", "10",   NULL};
+    char kept[200];
+
+    scratch_write(g->scratch, "vehicle.yaml", text);
+    snprintf(kept, sizeof kept, "%s/vehicle.yaml", g->scratch->folder);
+    assert_int_equal(rundir_set_launch(g->run_dir, kept, NULL), 0);
+    start(g, "", words);
+    publish_until_recorded(g);
+    assert_int_equal(kill(g->pid, SIGINT), 0);
+    assert_int_equal(finish(g), 0);
+    assert_null(strstr(g->text, "attached"));
+    assert_null(strstr(g->text, "launch file"));
+    snprintf(kept, sizeof kept, "%s/kept.yaml", g->scratch->folder);
+    assert_true(save_attachment(g->bag, MANIFEST_LAUNCH_FOLDER "vehicle.yaml", kept));
+    char read[64] = "";
+    FILE *f = fopen(kept, "re");
+    assert_non_null(f);
+    assert_int_equal(fread(read, 1, sizeof read - 1, f), sizeof text - 1);
+    fclose(f);
+    assert_string_equal(read, text);
+}
+
+static void one_that_is_damaged_by_now_is_left_out_with_a_word(void **state)
+{
+    struct rig *g = *state;
+    const char *const words[] = {"-o",         g->bag, "--run-dir", g->run_dir,
+                                 "--flush-ms", "10",   NULL};
+    char path[200];
+
+    scratch_write(g->scratch, "vehicle.yaml", "nodes: [aray]\n");
+    snprintf(path, sizeof path, "%s/vehicle.yaml", g->scratch->folder);
+    assert_int_equal(rundir_set_launch(g->run_dir, path, NULL), 0);
+    start(g, "", words);
+    publish_until_recorded(g);
+    assert_int_equal(kill(g->pid, SIGINT), 0);
+    assert_int_equal(finish(g), 0);
+    assert_contains(g->text, "not attached: ");
+    assert_contains(g->text, "vehicle.yaml");
+    assert_false(save_attachment(g->bag, MANIFEST_LAUNCH_FOLDER "vehicle.yaml", path));
+}
+
 static void wrong_arguments_are_named(void **state)
 {
     struct rig *g = *state;
@@ -449,6 +496,8 @@ int main(void)
         RIG_TEST(a_full_disk_ends_it_with_one_error_and_a_whole_file),
         RIG_TEST(messages_that_get_lost_are_told),
         RIG_TEST(the_node_too_ends_with_1_when_messages_got_lost),
+        RIG_TEST(the_launch_file_of_what_runs_there_is_kept_unasked),
+        RIG_TEST(one_that_is_damaged_by_now_is_left_out_with_a_word),
         RIG_TEST(wrong_arguments_are_named),
         RIG_TEST(a_bag_that_is_there_is_not_touched),
         RIG_TEST(help_names_every_option),

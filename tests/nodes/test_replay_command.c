@@ -504,6 +504,21 @@ static void walls_that_are_asked_for_and_are_not_there_are_said(void **state)
     assert_int_equal(access(out, F_OK), -1);
 }
 
+/* Its defaults would image the sound by way of another wall, and state it with certainty.
+ */
+static void walls_or_motion_without_a_launch_file_want_one(void **state)
+{
+    (void)state;
+    make_walled_scan(topic_wall());
+    assert_int_equal(recon("--bag", bag, "--out", out), 2);
+    assert_non_null(strstr(result.err, "no launch file is in it"));
+    assert_non_null(strstr(result.err, "(lists of walls); --launch FILE"));
+    assert_int_equal(access(out, F_OK), -1);
+    make_walled_scan(NULL);
+    assert_int_equal(recon("--bag", bag, "--out", out), 0);
+    assert_point_found();
+}
+
 static void a_bag_without_sound_says_what_is_missing(void **state)
 {
     (void)state;
@@ -553,6 +568,7 @@ int main(void)
         TEST(walls_that_the_vehicle_gave_are_those_that_mirror),
         TEST(lists_of_walls_of_the_recording_are_for_who_has_no_node_wall),
         TEST(walls_that_are_asked_for_and_are_not_there_are_said),
+        TEST(walls_or_motion_without_a_launch_file_want_one),
         TEST(a_bag_without_sound_says_what_is_missing),
         TEST(arguments_that_do_not_go_with_a_bag_are_refused),
     };

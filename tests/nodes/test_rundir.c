@@ -2,6 +2,7 @@
 #include "tests/hal/scratch.h"
 
 #include <errno.h>
+#include <limits.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -189,6 +190,35 @@ static void a_name_too_long_for_sockets_is_refused(void **state)
     assert_int_equal(rundir_open(got, asked, NULL), -EINVAL);
 }
 
+static void the_launch_file_is_found_from_any_folder_while_it_is_there(void **state)
+{
+    struct scratch *s = *state;
+    char here[PATH_MAX];
+
+    assert_null(rundir_launch(s->folder));
+    scratch_write(s, "sub.yaml", "nodes: [array]\n");
+    scratch_write(s, "other.yaml", "nodes: [array]\n");
+    assert_non_null(getcwd(here, sizeof here));
+    assert_int_equal(chdir(s->folder), 0); /* as the launcher was told it: relative */
+    assert_int_equal(rundir_set_launch(s->folder, "other.yaml", NULL), 0);
+    assert_int_equal(rundir_set_launch(s->folder, "sub.yaml", NULL), 0);
+    assert_int_equal(chdir(here), 0);
+
+    char *found = rundir_launch(s->folder), *real = realpath(s->folder, NULL);
+    char expected[PATH_MAX];
+    snprintf(expected, sizeof expected, "%s/sub.yaml", real);
+    assert_non_null(found);
+    assert_string_equal(found, expected);
+    free(found);
+    free(real);
+
+    assert_int_equal(unlink(expected), 0);
+    assert_null(rundir_launch(s->folder));
+    assert_int_equal(rundir_set_launch(s->folder, NULL, NULL), 0);
+    assert_int_equal(rundir_set_launch(s->folder, NULL, NULL), 0);
+    assert_int_equal(rundir_set_launch(s->folder, expected, NULL), -ENOENT);
+}
+
 #define TEST(f) cmocka_unit_test_setup_teardown(f, scratch_open, scratch_close)
 
 int main(void)
@@ -204,6 +234,7 @@ int main(void)
         TEST(a_folder_that_is_not_there_may_be_made),
         TEST(every_program_refuses_and_ends_with_2),
         TEST(a_name_too_long_for_sockets_is_refused),
+        TEST(the_launch_file_is_found_from_any_folder_while_it_is_there),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

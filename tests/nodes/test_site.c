@@ -2,6 +2,8 @@
 #include "tests/hal/scratch.h"
 
 #include <errno.h>
+#include <limits.h>
+#include <stdlib.h>
 #include <unistd.h>
 
 #include "msgs/endpoint.h"
@@ -36,6 +38,26 @@ static void the_hosts_playback_publisher_the_run_folder_while_it_runs(void **sta
     assert_int_equal(access(scratch_path(s, "hosts"), F_OK), -1);
 }
 
+static void the_launch_file_is_known_in_the_run_folder_while_it_runs(void **state)
+{
+    struct scratch *s = *state;
+    struct launchfile l = on_two_hosts(s);
+    const struct arguments a = {.run_dir = s->folder};
+    char run_dir[RUNDIR_SIZE], path[PATH_MAX];
+
+    snprintf(path, sizeof path, "%s", scratch_write(s, "drive.yaml", "nodes: [array]\n"));
+    l.path = path;
+    l.hosts.n = 0;
+    assert_int_equal(site_open(&l, &a, run_dir, NULL), 0);
+    char *found = rundir_launch(run_dir), *real = realpath(path, NULL);
+    assert_non_null(found);
+    assert_string_equal(found, real);
+    free(found);
+    free(real);
+    site_close(&l, run_dir);
+    assert_null(rundir_launch(run_dir));
+}
+
 static void what_the_next_launcher_wrote_is_left_alone(void **state)
 {
     struct scratch *s = *state;
@@ -58,6 +80,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         TEST(the_hosts_playback_publisher_the_run_folder_while_it_runs),
+        TEST(the_launch_file_is_known_in_the_run_folder_while_it_runs),
         TEST(what_the_next_launcher_wrote_is_left_alone),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

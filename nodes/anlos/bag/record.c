@@ -179,22 +179,44 @@ struct job {
     int64_t start_ns;
 };
 
+/* Of the launch file that was asked for; else of that which the launcher left.  The sound
+ * is worth more than its settings: what went wrong with the latter is said, and no error.
+ */
+static int add_launch(struct job *j, struct error *why)
+{
+    const struct record_options *o = j->options;
+    char *found = o->launch ? NULL : rundir_launch(j->run_dir);
+    const char *path = o->launch ? o->launch : found;
+    struct launchfile *launch = NULL;
+    struct error left_out = {""}, reason = {""};
+    int err = path ? launchfile_load(&launch, path, NULL, &reason) : 0;
+
+    if (!err && launch)
+        err = session_add_launch(&j->session, launch, &left_out, &reason);
+    launchfile_destroy(launch);
+    free(found);
+    if (err && o->launch)
+        return error_say(why, err, "%s", reason.text);
+    if (err)
+        left_out = reason;
+    if (left_out.text[0])
+        fprintf(stderr, "anlos bag record: not attached: %s\n", left_out.text);
+    if (!path)
+        fprintf(stderr,
+                "anlos bag record: no launch file is known in %s: the bag has none "
+                "(--launch FILE)\n",
+                j->run_dir);
+    return 0;
+}
+
 static int open_session(struct job *j, struct error *why)
 {
     const struct record_options *o = j->options;
-    struct error left_out = {""};
-    struct launchfile *launch = NULL;
 
     j->session.topics = o->topics;
     j->session.exclude = o->exclude;
     j->session.start_ns = j->start_ns;
-    int err = o->launch ? launchfile_load(&launch, o->launch, NULL, why) : 0;
-    if (!err && launch)
-        err = session_add_launch(&j->session, launch, &left_out, why);
-    launchfile_destroy(launch);
-    if (left_out.text[0])
-        fprintf(stderr, "anlos bag record: not attached: %s\n", left_out.text);
-    return err;
+    return add_launch(j, why);
 }
 
 static int open_bus(struct job *j, struct error *why)
@@ -388,9 +410,9 @@ static int record_run(const struct record_options *o, bool *began, struct error 
     j.start_ns = clock_now_ns(j.clock);
     int err = choice_make(&j.choice, o->topics, o->exclude, why);
     if (!err)
-        err = open_session(&j, why);
-    if (!err)
         err = open_bus(&j, why);
+    if (!err)
+        err = open_session(&j, why);
     if (!err && o->out)
         err = open_recorder(&j, why);
     *began = j.recorder != NULL;
@@ -441,7 +463,9 @@ static const char help[] =
     "  --max-mb N        with so much memory at most; default 512; 30 s of\n"
     "                    launch/drive.yaml take 320\n"
     "  --no-faults       a new fault of a process saves nothing\n"
-    "  --launch FILE     the system's launch file, to be kept with its inputs\n"
+    "  --launch FILE     the launch file to be kept with its inputs; default: that of "
+    "the\n"
+    "                    system that 'anlos launch' runs there\n"
     "  --run-dir DIR     where the system's sockets are, default "
     "$XDG_RUNTIME_DIR/anlos,\n"
     "                    else /tmp/anlos-UID\n"
@@ -454,7 +478,7 @@ static const char help[] =
     "\n"
     "examples\n"
     "  anlos bag record -o scan.mcap\n"
-    "  anlos bag record --snapshot out/snapshots --launch launch/drive.yaml\n"
+    "  anlos bag record --snapshot out/snapshots\n"
     "  anlos bag record -o drive.mcap 'scan/*' survey ping --split-s 60 --quota-mb "
     "20000\n"
     "\n"

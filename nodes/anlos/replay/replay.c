@@ -610,6 +610,13 @@ static int choose_walls(struct replay *r, const struct stream *s, struct error *
     const struct launchfile *l = r->settings.launch;
     const char *bag = r->options->bag, *name = r->settings.name;
 
+    if (!l && (has_topic(s, topic_wall()) || has_topic(s, topic_ego())))
+        return error_say(
+            why, -ENODATA,
+            "%s: no launch file is in it, and the defaults are for a scan with "
+            "a wall where the survey has it, not for what was recorded here "
+            "(%s); --launch FILE names its settings",
+            bag, has_topic(s, topic_ego()) ? "ego motion" : "lists of walls");
     if (!l || l->wall.from == WALL_FROM_SURVEY)
         return 0;
     bool *finds = &r->settings.chain.pipeline.finds_walls;
