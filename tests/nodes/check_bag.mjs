@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // The format's own JavaScript library reads our bags and writes one for us.
 //   node check_bag.mjs read BAG LINES   the bag is what `anlos bag export --format json`
 //                                       says, its messages decoded by its own schemas

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // Foxglove's own client library against our server, and its decoding of our schemas.
 //   node check_foxglove.mjs serve RIG LAYOUT  RIG is tests/nodes/foxglove_rig.c
 //   node check_foxglove.mjs bag FILE X Y Z    what `anlos bag export --format foxglove`

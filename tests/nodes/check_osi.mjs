@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // A trace that `anlos bag export --format osi` wrote, by the MCAP library and OSI's types
 // as they are published for viewers:
 //   node check_osi.mjs TRACE
