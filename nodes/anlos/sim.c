@@ -367,18 +367,14 @@ static void print_quoted(const char *word)
 
 static void print_next_command(const char *out)
 {
-    static const char *const parts[4][2] = {{"--survey", "survey.yaml"},
-                                            {"--wav", "scene"},
-                                            {"--background", "background"},
-                                            {"--out", "image"}};
-    printf("%s: scene, background, survey.yaml, truth.json\nnext:\n  anlos recon", out);
-    for (size_t i = 0; i < 4; i++) {
-        char word[PATH_MAX + 16];
-        snprintf(word, sizeof word, "%s/%s", out, parts[i][1]);
-        printf(" %s ", parts[i][0]);
-        print_quoted(word);
-    }
-    printf(" --method fast\n");
+    char image[PATH_MAX + 8];
+
+    snprintf(image, sizeof image, "%s/image", out);
+    printf("%s: scene, background, survey.yaml, truth.json\nnext:\n  anlos recon ", out);
+    print_quoted(out);
+    printf(" --out ");
+    print_quoted(image);
+    putchar('\n');
 }
 
 int command_sim(int argc, char **argv)

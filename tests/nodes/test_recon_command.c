@@ -177,6 +177,17 @@ static void expect_refusal(struct fixture *f, const char *word, const char *seco
     assert_false(exists(parent));
 }
 
+static void expect_usage(char *const words[], const char *text)
+{
+    struct command_result r;
+    command_run(&r, command_recon, words);
+    if (r.code != 2 || !strstr(r.err, text))
+        print_error("code %d: %s", r.code, r.err);
+    assert_int_equal(r.code, 2);
+    assert_non_null(strstr(r.err, text));
+    assert_non_null(strstr(r.err, "--help"));
+}
+
 static json_t *load(const struct fixture *f, const char *name)
 {
     char path[160];
@@ -297,6 +308,49 @@ static void objects_are_those_of_the_image_before_it_is_sharpened(void **state)
     assert_true(fabs(peak[1] / peak[0] - 1.0) > 0.01); /* the image is another */
     json_decref(found[0]);
     json_decref(found[1]);
+}
+
+/* As sim and bag export leave it, and with a slash behind as the shell completes it. */
+static void a_folder_is_a_recording_by_itself(void **state)
+{
+    struct fixture *f = *state;
+    struct command_result r;
+    char folder[80], gone[160];
+
+    snprintf(folder, sizeof folder, "%s/", f->folder);
+    char *words[] = {"recon", "--out", f->out, folder, NULL};
+    command_run(&r, command_recon, words);
+    assert_int_equal(r.code, 0);
+    assert_string_equal(r.err, ""); /* with its background, or it would warn */
+    expect_target(f);
+
+    snprintf(gone, sizeof gone, "%s.of.another.day", f->background);
+    assert_int_equal(rename(f->background, gone), 0);
+    command_run(&r, command_recon, words);
+    assert_int_equal(r.code, 0);
+    assert_non_null(strstr(r.err, "background"));
+    char *named[] = {"recon", "--out", f->out, folder, "--background", gone, NULL};
+    command_run(&r, command_recon, named);
+    assert_int_equal(r.code, 0);
+    assert_string_equal(r.err, "");
+}
+
+static void what_is_no_recording_is_told(void **state)
+{
+    struct fixture *f = *state;
+    char mat[96];
+
+#define RECORDING(...) ((char *const[]){"recon", "--out", f->out, __VA_ARGS__, NULL})
+    expect_usage(RECORDING(f->scene), "expected survey.yaml and scene in it");
+    expect_usage(RECORDING("/no/such"), "/no/such: No such file");
+    expect_usage(RECORDING(f->folder, f->folder), "unexpected argument");
+    expect_usage(RECORDING(f->folder, "--wav", f->scene), "beside --wav");
+    expect_usage(RECORDING(f->survey, "--background", "b"), "--bag stands in place of");
+    snprintf(mat, sizeof mat, "%s/x.mat", f->folder);
+    write_text(mat, "", "");
+    expect_usage(RECORDING(mat), "--traces (sound) or --confocal (light)");
+#undef RECORDING
+    assert_false(exists(f->out));
 }
 
 static void without_background_a_warning_says_so(void **state)
@@ -626,17 +680,6 @@ static void a_full_disk_ends_with_1_and_leaves_nothing(void **state)
     assert_false(exists(parent));
 }
 
-static void expect_usage(char *const words[], const char *text)
-{
-    struct command_result r;
-    command_run(&r, command_recon, words);
-    if (r.code != 2 || !strstr(r.err, text))
-        print_error("code %d: %s", r.code, r.err);
-    assert_int_equal(r.code, 2);
-    assert_non_null(strstr(r.err, text));
-    assert_non_null(strstr(r.err, "--help"));
-}
-
 static void wrong_arguments_are_told_with_a_hint(void **state)
 {
     (void)state;
@@ -673,7 +716,7 @@ static void wrong_arguments_are_told_with_a_hint(void **state)
                        "--method", "iterative", "--set", "base=lct"),
                  "--psf sharpens an image");
     expect_usage(WORDS("--survey", "x", "--wav", "y", "--out", "z", "w"),
-                 "w: unexpected");
+                 "w: unexpected argument beside --survey");
 #undef WORDS
 }
 
@@ -720,6 +763,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         test(a_point_lands_where_it_is),
         test(objects_are_those_of_the_image_before_it_is_sharpened),
+        test(a_folder_is_a_recording_by_itself),
+        test(what_is_no_recording_is_told),
         test(without_background_a_warning_says_so),
         test(a_recording_that_is_its_own_background_is_refused),
         test(a_volume_of_the_command_line_is_named_as_that),

@@ -2,9 +2,12 @@
 #include "nodes/anlos/recon/options.h"
 
 #include <errno.h>
+#include <limits.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include "dsp/nearest.h"
 #include "nodes/anlos/confocal/confocal.h"
@@ -20,7 +23,8 @@
 static const char head[] =
     "anlos recon -- turn a recording into an image of what is hidden\n"
     "\n"
-    "usage: anlos recon --survey FILE --wav DIR [--background DIR] --out DIR [options]\n"
+    "usage: anlos recon RECORDING --out DIR [options]\n"
+    "       anlos recon --survey FILE --wav DIR [--background DIR] --out DIR [options]\n"
     "       anlos recon --traces FILE.mat --volume ... --out DIR [options]\n"
     "       anlos recon --bag FILE.mcap --out DIR [options]\n"
     "       anlos recon --confocal FILE.mat --out DIR [--method lct|fk|backprojection]\n"
@@ -30,6 +34,8 @@ static const char head[] =
     "is the emission of speaker j), compresses the chirps, images the scene behind the\n"
     "wall and lists the objects in it.  One process; no nodes need to run.\n"
     "\n"
+    "  RECORDING            a folder with survey.yaml, scene and, if there is one,\n"
+    "                       background, as anlos sim and bag export make it; or a bag\n"
     "  --survey FILE        geometry and timing of the recording (survey.yaml); with\n"
     "                       'pings: FILE.csv' any array and motion, ping by ping\n"
     "  --wav DIR            the recording\n"
@@ -103,8 +109,7 @@ static const char tail[] =
     "\n"
     "examples\n"
     "  anlos sim launch/scenes/corner.yaml --out /tmp/corner\n"
-    "  anlos recon --survey /tmp/corner/survey.yaml --wav /tmp/corner/scene \\\n"
-    "      --background /tmp/corner/background --out /tmp/corner/image\n"
+    "  anlos recon /tmp/corner --out /tmp/corner/image\n"
     "  the same with --method iterative --set l1=0.02 --set tv=0.005\n"
     "  the same with --method auto --error-cm 0.5\n"
     "\n"
@@ -453,6 +458,62 @@ int recon_options_take(struct recon_options *o, const char *command, int code)
     }
 }
 
+/* Where the parts of a folder are: options borrow their texts. */
+static char survey_path[PATH_MAX], wav_path[PATH_MAX], background_path[PATH_MAX];
+
+static bool join(char out[PATH_MAX], const char *folder, const char *name)
+{
+    size_t n = strlen(folder);
+
+    while (n > 1 && folder[n - 1] == '/')
+        n--;
+    return snprintf(out, PATH_MAX, "%.*s/%s", (int)n, folder, name) < PATH_MAX;
+}
+
+static int take_folder(struct recon_options *o, const char *folder)
+{
+    if (!join(survey_path, folder, "survey.yaml") || !join(wav_path, folder, "scene") ||
+        !join(background_path, folder, "background"))
+        return usage_error("recon", "%.100s...: path too long", folder);
+    if (access(survey_path, F_OK) || access(wav_path, F_OK))
+        return usage_error(
+            "recon",
+            "%s: expected survey.yaml and scene in it, as anlos sim and bag "
+            "export --format wav make them; others are named by --survey "
+            "and --wav",
+            folder);
+    o->survey = survey_path;
+    o->wav = wav_path;
+    if (!o->background && !access(background_path, F_OK))
+        o->background = background_path;
+    return 0;
+}
+
+/* A recording by itself, and not by its parts. */
+static int take_recording(struct recon_options *o, const char *path)
+{
+    const char *other = o->survey     ? "--survey"
+                        : o->wav      ? "--wav"
+                        : o->traces   ? "--traces"
+                        : o->confocal ? "--confocal"
+                        : o->bag      ? "--bag"
+                                      : NULL;
+    size_t n = strlen(path);
+    struct stat st;
+
+    if (other)
+        return usage_error("recon", "%s: unexpected argument beside %s", path, other);
+    if (stat(path, &st))
+        return usage_error("recon", "%s: %s", path, strerror(errno));
+    if (S_ISDIR(st.st_mode))
+        return take_folder(o, path);
+    if (n > 4 && !strcmp(path + n - 4, ".mat"))
+        return usage_error(
+            "recon", "%s: say what it has: --traces (sound) or --confocal (light)", path);
+    o->bag = path;
+    return 0;
+}
+
 bool recon_options_parse(struct recon_options *o, int argc, char **argv, int *exit_code)
 {
     int code;
@@ -468,8 +529,11 @@ bool recon_options_parse(struct recon_options *o, int argc, char **argv, int *ex
         if (code == 'h' || *exit_code)
             return false;
     }
-    *exit_code = optind < argc
-                     ? usage_error("recon", "%s: unexpected argument", argv[optind])
-                     : recon_options_check_all(o);
+    *exit_code = optind + 1 < argc
+                     ? usage_error("recon", "%s: unexpected argument", argv[optind + 1])
+                 : optind < argc ? take_recording(o, argv[optind])
+                                 : 0;
+    if (!*exit_code)
+        *exit_code = recon_options_check_all(o);
     return !*exit_code;
 }
