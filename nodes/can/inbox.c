@@ -19,8 +19,9 @@
  * which is as long as a temperature is kept.  So it is of SaveRequest, which takes two
  * good frames more (inbox_save).
  *
- * In VALID a wrong frame is allowed, damaged or not (of Ambient two of three); of 256
- * that are damaged the CRC misses one, so none is allowed on the way there. */
+ * In VALID a wrong frame is allowed, damaged or not (of Ambient two of three, one of them
+ * damaged); of 256 that are damaged the CRC misses one, so none is allowed on the way
+ * there. */
 static const struct input {
     enum can_id id;
     enum inbox_kind kind;

@@ -27,11 +27,12 @@ struct beyond {
 };
 
 /* found [n]: in an image of the volume.  Lowers the existence of those that are fainter,
- * in the coarse image, than something beyond the volume by about range_db or more.  What
- * is outside and fainter than an object inside that may make it is a sidelobe itself.
- * Sidelobes lie where the other is as far away for some of the aperture, and anywhere
- * 20 dB below those.  of_power: they lie anywhere, and those of another object of the
- * image are 15 dB below that.  0, -ENOMEM. */
+ * in the coarse image, than something beyond the volume by about range_db or more: by
+ * range_db it is even odds, ten to one by 5 dB more or less.  What is outside and fainter
+ * than an object inside that may make it is a sidelobe itself. Sidelobes lie where the
+ * other is as far away for some of the aperture, and anywhere 20 dB below those.
+ * of_power: they lie anywhere, and those of another object of the image are 13 dB below
+ * that.  0, -ENOMEM. */
 int beyond_judge(const struct beyond *b, struct detection *found, size_t n);
 
 /* The same where the traces are at hand, of which it makes the coarse image; nothing is

@@ -8,7 +8,8 @@
 #include "recon/imaging/imager.h"
 
 /* *look: like the image that is wanted, of the same extent, but coarse: its band, up to
- * 0.45 of the top, and its grid.  By `fast`, without options. */
+ * 0.45 of the top or an octave where that is more of it, and its grid, which stays as it
+ * is where it is coarse already.  By `fast`, without options. */
 void coarse_view(const struct imager_config *wanted, struct imager_config *look);
 
 /* Tapered, without dip moveout.  As imager_create. */

@@ -199,6 +199,18 @@ static void what_is_too_short_is_damaged(void **state)
     assert_int_equal(e2e_p05_check(&c, data, 2, ID, 3), E2E_WRONG_CRC);
 }
 
+static void the_shortest_frames_are_a_checksum_and_a_counter(void **state)
+{
+    uint8_t p11[2] = {0}, p05[3] = {0};
+    struct e2e_check of_p11 = {0}, of_p05 = {0};
+
+    (void)state;
+    e2e_p11_protect(p11, sizeof p11, ID, 3);
+    e2e_p05_protect(p05, sizeof p05, ID, 3);
+    assert_int_equal(e2e_p11_check(&of_p11, p11, sizeof p11, ID, 3), E2E_OK);
+    assert_int_equal(e2e_p05_check(&of_p05, p05, sizeof p05, ID, 3), E2E_OK);
+}
+
 static void only_ok_and_some_lost_may_be_used(void **state)
 {
     (void)state;
@@ -224,6 +236,7 @@ int main(void)
         cmocka_unit_test(a_frame_of_another_data_id_is_not_taken),
         cmocka_unit_test(a_counter_of_15_is_never_sent_and_not_taken),
         cmocka_unit_test(what_is_too_short_is_damaged),
+        cmocka_unit_test(the_shortest_frames_are_a_checksum_and_a_counter),
         cmocka_unit_test(only_ok_and_some_lost_may_be_used),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

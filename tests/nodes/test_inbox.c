@@ -11,6 +11,7 @@
 
 #include "msgs/can/frames.h"
 #include "nodes/can/inbox.h"
+#include "recon/walls/walls.h"
 #include "tests/nodes/near.h"
 
 #define MS 1000000LL
@@ -316,6 +317,19 @@ static void walls_are_kept_until_they_are_taken_back_or_old(void **state)
     assert_int_equal(r.inbox.wall_list.n_walls, 2);
 }
 
+static void of_more_walls_than_a_message_has_the_first_are_listed(void **state)
+{
+    struct rig r;
+
+    (void)state;
+    start(&r);
+    for (uint8_t id = INBOX_WALLS; id >= 1; id--)
+        assert_int_equal(give_wall(&r, id, CAN_VALID), INBOX_WALLS_GIVEN);
+    assert_int_equal(r.inbox.wall_list.n_walls, WALLS_MAX);
+    for (uint32_t k = 0; k < WALLS_MAX; k++)
+        assert_int_equal(r.inbox.wall_list.walls[k]->id, k + 1);
+}
+
 /* Nothing else has to come from the vehicle. */
 static void a_wall_ends_once_after_2_s_of_silence(void **state)
 {
@@ -538,6 +552,55 @@ static void air_and_walls_that_are_stuck_are_not_believed_either(void **state)
     assert_true(inbox_doubts(&r.inbox));
 }
 
+static void damage_air(struct rig *r)
+{
+    const struct can_ambient air = {.temperature_c = 20, .humidity = NAN};
+    struct can_frame_data f;
+
+    can_pack_ambient(&f, 0x420, &air);
+    protect(r, &f);
+    f.data[3] ^= 1;
+    assert_int_equal(inbox_take(&r->inbox, &f, r->now_ns += 1000 * MS), INBOX_WRONG);
+}
+
+/* And then to be heard twice, as at the start. */
+static void of_three_of_the_air_one_may_be_damaged(void **state)
+{
+    struct rig r;
+
+    (void)state;
+    start(&r);
+    give_air(&r);
+    damage_air(&r);
+    assert_false(inbox_doubts(&r.inbox));
+    assert_int_equal(give_air(&r), INBOX_AMBIENT);
+    damage_air(&r);
+    assert_true(inbox_doubts(&r.inbox));
+    assert_int_equal(give_air(&r), INBOX_NOTHING);
+    assert_int_equal(give_air(&r), INBOX_AMBIENT);
+    assert_false(inbox_doubts(&r.inbox));
+}
+
+static void of_six_walls_one_may_be_damaged(void **state)
+{
+    struct can_wall_in wall = {.id = 1, .validity = CAN_VALID, .distance_m = 4.0};
+    struct can_frame_data f;
+    struct rig r;
+
+    (void)state;
+    start(&r);
+    for (int i = 0; i < 20; i++) {
+        assert_int_equal(give_wall(&r, 1, CAN_VALID), INBOX_WALLS_GIVEN);
+        if (i % 5 != 4)
+            continue;
+        can_pack_wall_in(&f, 0x420, &wall);
+        protect(&r, &f);
+        f.data[3] ^= 1;
+        assert_int_equal(inbox_take(&r.inbox, &f, r.now_ns), INBOX_WRONG);
+        assert_false(inbox_doubts(&r.inbox));
+    }
+}
+
 static void an_input_that_is_silent_has_no_data_and_no_doubt(void **state)
 {
     struct rig r;
@@ -623,6 +686,23 @@ static void what_is_not_believed_is_said_and_counted(void **state)
     assert_int_equal(count(&r.inbox, "wall_in_invalid"), 0);
 }
 
+static void what_does_not_fit_is_cut_off(void **state)
+{
+    char text[64];
+    struct rig r;
+
+    (void)state;
+    start_silent(&r);
+    give_ego(&r, 0.0, CAN_VALID);
+    give_air(&r);
+    inbox_text(&r.inbox, text, sizeof text);
+    assert_string_equal(text, "EgoMotion init, Ambient init");
+    memset(text, '#', sizeof text);
+    inbox_text(&r.inbox, text, 20);
+    assert_string_equal(text, "EgoMotion init, Amb");
+    assert_int_equal(text[20], '#');
+}
+
 static enum inbox_kind give_save(struct rig *r, enum can_request request, uint16_t number)
 {
     const struct can_save_request save = {
@@ -672,6 +752,25 @@ static void one_event_is_taken_once_however_long_it_is_said(void **state)
     assert_int_equal(count(&r.inbox, "saves_repeated"), 1);
     saves(&r, CAN_IDLE, 7, 1);
     assert_int_equal(saves(&r, CAN_SAVE, 8, 5), 1);
+}
+
+/* Of the eight newest none: 0 is a number as any other. */
+static void what_was_taken_is_known_by_eight_numbers(void **state)
+{
+    struct rig r;
+
+    (void)state;
+    start(&r);
+    for (uint16_t round = 0; round < 2; round++)
+        for (uint16_t i = 0; i < INBOX_NUMBERS; i++) {
+            saves(&r, CAN_IDLE, 0, 2);
+            assert_int_equal(saves(&r, CAN_SAVE, INBOX_NUMBERS - 1 - i, 5), !round);
+        }
+    saves(&r, CAN_IDLE, 0, 2);
+    assert_int_equal(saves(&r, CAN_SAVE, 99, 5), 1);
+    saves(&r, CAN_IDLE, 0, 2);
+    assert_int_equal(saves(&r, CAN_SAVE, 0, 5), 0);
+    assert_int_equal(saves(&r, CAN_SAVE, INBOX_NUMBERS - 1, 5), 1); /* the oldest */
 }
 
 /* As a sender does whose number runs away: a new one with each frame, or each second. */
@@ -785,8 +884,10 @@ static void a_frame_of_it_that_is_stuck_is_wrong(void **state)
     saves(&r, CAN_IDLE, 0, 2);
     can_pack_save_request(&f, 0x420, &save);
     assert_int_equal(give(&r, &f), INBOX_NOTHING);
-    for (int i = 0; i < 50; i++)
+    for (int i = 0; i < 50; i++) {
         assert_int_equal(inbox_take(&r.inbox, &f, r.now_ns += 100 * MS), INBOX_WRONG);
+        assert_int_equal(inbox_doubts(&r.inbox), i >= 2); /* one of three is good */
+    }
     assert_int_equal(count(&r.inbox, "save_request_invalid"), 1);
 }
 
@@ -829,6 +930,7 @@ int main(void)
         cmocka_unit_test(the_air_is_what_the_vehicle_measures),
         cmocka_unit_test(a_wall_is_upright_in_the_vehicle_frame),
         cmocka_unit_test(walls_are_kept_until_they_are_taken_back_or_old),
+        cmocka_unit_test(of_more_walls_than_a_message_has_the_first_are_listed),
         cmocka_unit_test(a_wall_ends_once_after_2_s_of_silence),
         cmocka_unit_test(a_wall_that_was_taken_back_does_not_end_again),
         cmocka_unit_test(a_stuck_vehicle_is_not_believed_for_longer_than_a_silent_one),
@@ -840,11 +942,15 @@ int main(void)
         cmocka_unit_test(
             motion_that_is_every_other_time_of_another_sender_is_not_believed),
         cmocka_unit_test(air_and_walls_that_are_stuck_are_not_believed_either),
+        cmocka_unit_test(of_three_of_the_air_one_may_be_damaged),
+        cmocka_unit_test(of_six_walls_one_may_be_damaged),
         cmocka_unit_test(an_input_that_is_silent_has_no_data_and_no_doubt),
         cmocka_unit_test(what_was_wrong_before_a_silence_is_not_said_after_it),
         cmocka_unit_test(what_is_not_believed_is_said_and_counted),
+        cmocka_unit_test(what_does_not_fit_is_cut_off),
         cmocka_unit_test(an_event_is_taken_with_the_second_frame_of_it),
         cmocka_unit_test(one_event_is_taken_once_however_long_it_is_said),
+        cmocka_unit_test(what_was_taken_is_known_by_eight_numbers),
         cmocka_unit_test(without_idle_in_between_there_is_no_other_event),
         cmocka_unit_test(what_had_begun_before_it_was_heard_is_no_event),
         cmocka_unit_test(replayed_frames_save_nothing_again),

@@ -4,6 +4,7 @@
 #include <math.h>
 #include <stdbool.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "recon/detection/beyond.h"
 #include "recon/detection/peak.h"
@@ -46,6 +47,126 @@ static struct detection seen(const struct scatterer *point)
         .level_db = 30.0,
         .existence = 1.0};
 }
+
+/* -- by hand: a coarse image of 6 x 5 x 4 voxels, 10 cm apart, and a spot of 1 outside --
+ */
+
+struct view {
+    struct grid grid;
+    float intensity[120], spots[1][4];
+};
+
+static float *voxel(struct view *v, size_t x, size_t y, size_t z)
+{
+    return &v->intensity[(z * 5 + y) * 6 + x];
+}
+
+static struct detection at(size_t x, size_t y, size_t z)
+{
+    return (struct detection){
+        .position_m = {0.1 * (double)x, 0.1 * (double)y, 1.0 + 0.1 * (double)z},
+        .existence = 1.0};
+}
+
+static void judge(const struct view *v, size_t n_spots, struct detection *found, size_t n)
+{
+    const struct surroundings_view around = {.grid = v->grid,
+                                             .intensity = v->intensity,
+                                             .n_spots = n_spots,
+                                             .spots = v->spots};
+    const struct beyond b = {.around = &around, .range_db = RANGE_DB, .of_power = true};
+
+    assert_int_equal(beyond_judge(&b, found, n), 0);
+}
+
+static const struct view darkness = {
+    .grid = {{0.0, 0.0, 1.0}, {0.1, 0.1, 0.1}, {6, 5, 4}},
+    .spots = {{2.0f, 0.0f, 1.0f, 1.0f}}};
+
+static void existence_is_even_odds_at_the_range_and_ten_to_one_5_db_off(void **state)
+{
+    (void)state;
+    static const double cases[3][2] = {
+        {0.0, 0.5}, {5.0, 10.0 / 11.0}, {-5.0, 1.0 / 11.0}};
+
+    for (int q = 0; q < 3; q++) {
+        struct view v = darkness;
+        struct detection d = at(2, 2, 2);
+        *voxel(&v, 2, 2, 2) = (float)pow(10.0, (cases[q][0] - RANGE_DB) / 10.0);
+        judge(&v, 1, &d, 1);
+        assert_near(d.existence, cases[q][1], 1e-6);
+    }
+}
+
+/* It is as bright as the brightest of what it covers, and a point as what is next to it,
+ * up to the ends of the image; what is farther off is another thing. */
+static void an_object_is_heard_wherever_it_is(void **state)
+{
+    (void)state;
+    static const struct {
+        size_t at[3], bright[3];
+        double extent_m[3];
+        bool heard;
+    } cases[] = {{{2, 2, 1}, {2, 2, 1}, {0.0}, true},
+                 {{2, 2, 1}, {3, 3, 2}, {0.0}, true},
+                 {{2, 2, 1}, {1, 1, 0}, {0.0}, true},
+                 {{2, 2, 1}, {4, 2, 1}, {0.0}, false},
+                 {{2, 2, 1}, {0, 2, 1}, {0.0}, false},
+                 {{2, 2, 1}, {2, 4, 1}, {0.0}, false},
+                 {{2, 2, 1}, {2, 2, 3}, {0.0}, false},
+                 {{2, 2, 1}, {4, 2, 1}, {0.4, 0.0, 0.0}, true},
+                 {{2, 2, 1}, {5, 2, 1}, {0.4, 0.0, 0.0}, false},
+                 {{2, 2, 1}, {2, 4, 1}, {0.0, 0.4, 0.0}, true},
+                 {{2, 2, 1}, {2, 2, 3}, {0.0, 0.0, 0.4}, true},
+                 {{5, 4, 3}, {5, 4, 3}, {0.0}, true},
+                 {{0, 0, 0}, {0, 0, 0}, {0.0}, true}};
+
+    for (size_t q = 0; q < sizeof cases / sizeof *cases; q++) {
+        const size_t *p = cases[q].bright;
+        struct detection d = at(cases[q].at[0], cases[q].at[1], cases[q].at[2]);
+        struct view v = darkness;
+        memcpy(d.extent_m, cases[q].extent_m, sizeof d.extent_m);
+        *voxel(&v, p[0], p[1], p[2]) = 0.9f;
+        judge(&v, 1, &d, 1);
+        if (cases[q].heard ? d.existence < 0.99 : d.existence > 0.01)
+            fail_msg("case %zu: %.3f", q, d.existence);
+    }
+}
+
+static void where_nothing_is_brighter_nothing_is_doubted(void **state)
+{
+    (void)state;
+    struct detection d = at(2, 2, 2);
+
+    judge(&darkness, 0, &d, 1);
+    assert_true(d.existence == 1.0);
+}
+
+/* 13 dB below the brightest, whichever of them that is, and 15 more: even odds. */
+static void of_an_image_of_power_each_may_be_a_sidelobe_of_any(void **state)
+{
+    (void)state;
+
+    for (size_t brightest = 0; brightest < 3; brightest++) {
+        static const size_t places[3][3] = {{0, 0, 0}, {2, 4, 3}, {5, 0, 0}};
+        struct detection found[3];
+        struct view v = darkness;
+        for (size_t i = 0; i < 3; i++) {
+            const size_t *p = places[i];
+            found[i] = at(p[0], p[1], p[2]);
+            *voxel(&v, p[0], p[1], p[2]) = i == brightest ? 1.0f : powf(10.0f, -2.8f);
+        }
+        judge(&v, 0, found, 3);
+        for (size_t i = 0; i < 3; i++)
+            if (i == brightest)
+                assert_true(found[i].existence > 0.999);
+            else
+                assert_near(found[i].existence, 0.5, 0.01);
+    }
+}
+
+/* -- of echoes --------------------------------------------------------------------------
+ */
 
 /* One inside, and one 24 cm beyond a side that is louder by so many decibels. */
 static double existence_beside(double louder_db, double inside_z_m, bool of_power)
@@ -212,6 +333,10 @@ static void an_array_that_cannot_be_imaged_so_is_left_alone(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(existence_is_even_odds_at_the_range_and_ten_to_one_5_db_off),
+        cmocka_unit_test(an_object_is_heard_wherever_it_is),
+        cmocka_unit_test(where_nothing_is_brighter_nothing_is_doubted),
+        cmocka_unit_test(of_an_image_of_power_each_may_be_a_sidelobe_of_any),
         cmocka_unit_test(what_is_nearly_as_loud_as_what_stands_outside_exists),
         cmocka_unit_test(what_is_far_fainter_may_be_its_sidelobe),
         cmocka_unit_test(a_sidelobe_is_at_the_range_of_what_makes_it),

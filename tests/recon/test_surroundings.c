@@ -44,6 +44,17 @@ static struct surroundings *look(const struct scene *s)
     return out;
 }
 
+/* Of two that are next to each other one would not be the brightest there. */
+static bool are_apart(const struct surroundings_view *v, const float p[4],
+                      const float q[4])
+{
+    bool apart = p[3] == q[3];
+
+    for (int a = 0; a < 3; a++)
+        apart |= fabs((double)p[a] - (double)q[a]) > 1.5 * v->grid.step_m[a];
+    return apart;
+}
+
 /* The volume reaches .16 m from its middle; the point stands beyond it on one side. */
 static void what_stands_beside_the_volume_is_the_brightest_where_it_stands(void **state)
 {
@@ -62,8 +73,63 @@ static void what_stands_beside_the_volume_is_the_brightest_where_it_stands(void 
             assert_near(v->spots[0][a], point.at_m[a], 1.5 * v->grid.step_m[a]);
         for (size_t i = 1; i < v->n_spots; i++)
             assert_true(v->spots[i][3] <= v->spots[i - 1][3]);
+        for (size_t i = 1; i < v->n_spots; i++)
+            for (size_t j = 0; j < i; j++)
+                assert_true(are_apart(v, v->spots[i], v->spots[j]));
         for (size_t i = 0; i < grid_size(&v->grid); i++)
             assert_true(v->intensity[i] < 0.5f * v->spots[0][3]);
+        surroundings_destroy(around);
+        close_scene(&s);
+    }
+}
+
+/* A third of 1.26 m is 42 cm. */
+static void it_looks_a_third_of_the_range_aside_and_25_cm_behind(void **state)
+{
+    (void)state;
+
+    for (int side = 0; side < 5; side++) {
+        int axis = side / 2;
+        double way = side % 2 && axis < 2 ? -1.0 : 1.0;
+        double reach_m = 0.16 + (axis < 2 ? 0.42 : 0.25);
+        for (int beyond = 0; beyond <= 1; beyond++) {
+            struct scatterer point = {{0.0, 0.0, 1.1}, 1.0};
+            double middle_m = point.at_m[axis];
+            struct scene s;
+            point.at_m[axis] += way * (reach_m + (beyond ? 0.11 : -0.03));
+            open_scene(&s, &point);
+            struct surroundings *around = look(&s);
+            const struct surroundings_view *v = surroundings_image(around);
+            assert_true(v->n_spots > 0);
+            if (!beyond)
+                assert_near(v->spots[0][axis], point.at_m[axis],
+                            1.5 * v->grid.step_m[axis]);
+            for (size_t i = 0; i < v->n_spots; i++)
+                assert_true(way * (v->spots[i][axis] - middle_m) < reach_m + 0.05);
+            surroundings_destroy(around);
+            close_scene(&s);
+        }
+    }
+}
+
+static void beside_a_plane_there_is_nothing(void **state)
+{
+    (void)state;
+    const struct scatterer point = {{0.35, 0.0, 1.1}, 1.0};
+
+    for (size_t n = 1; n <= 2; n++) {
+        bool beside = false;
+        struct scene s;
+        open_scene(&s, &point);
+        s.rig.grid.n[1] = n;
+        s.rig.grid.origin_m[1] = 0.0;
+        struct surroundings *around = look(&s);
+        const struct surroundings_view *v = surroundings_image(around);
+        assert_true(v->n_spots > 0);
+        assert_near(v->spots[0][0], 0.35, 1.5 * v->grid.step_m[0]);
+        for (size_t i = 0; i < v->n_spots; i++)
+            beside |= v->spots[i][1] < -0.01f || v->spots[i][1] > 0.03f;
+        assert_int_equal(beside, n > 1);
         surroundings_destroy(around);
         close_scene(&s);
     }
@@ -144,6 +210,10 @@ static void an_array_of_which_no_such_image_is_possible_has_none(void **state)
     wanted.grid.step_m[1] = 1e-9; /* across, of a quarter of a metre */
     assert_int_equal(surroundings_create(&around, &wanted), -ENOTSUP);
     wanted.grid.step_m[1] = s.rig.grid.step_m[1];
+    for (int a = 0; a < 3; a++)
+        wanted.grid.n[a] = 600; /* 12 m */
+    assert_int_equal(surroundings_create(&around, &wanted), -ENOTSUP);
+    wanted.grid = s.rig.grid;
     s.rig.speakers_m[3][2] += 0.3;
     assert_int_equal(surroundings_create(&around, &wanted), -ENOTSUP);
     close_scene(&s);
@@ -153,6 +223,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(what_stands_beside_the_volume_is_the_brightest_where_it_stands),
+        cmocka_unit_test(it_looks_a_third_of_the_range_aside_and_25_cm_behind),
+        cmocka_unit_test(beside_a_plane_there_is_nothing),
         cmocka_unit_test(what_stands_in_the_volume_is_no_spot),
         cmocka_unit_test(it_looks_no_nearer_than_half_of_the_way_to_the_array),
         cmocka_unit_test(an_array_of_which_no_such_image_is_possible_has_none),

@@ -136,10 +136,13 @@ static void a_point_goes_as_far_behind_a_plane_as_it_was_before_it(void **state)
 static void the_middle_of_a_thing_is_five_centimetres_from_a_wall(void **state)
 {
     const struct track_mirror m = mirror(7, 1.0, 0.0, 5.0), none = {.id = 0};
+    const struct track_mirror leaning = {
+        .id = 1, .normal = {0.0, 0.6, 0.8}, .distance_m = 1.0};
 
     (void)state;
     assert_near(track_mirror_beyond_m(&m, (double[3]){4.9, 3.0, 1.0}), -0.05, 1e-12);
     assert_near(track_mirror_beyond_m(&m, (double[3]){5.0, 3.0, 1.0}), 0.05, 1e-12);
+    assert_near(track_mirror_beyond_m(&leaning, (double[3]){9.0, 1.0, 1.0}), 0.45, 1e-12);
     assert_true(track_mirror_beyond_m(&none, (double[3]){9.0, 0.0, 0.0}) == -INFINITY);
 }
 
@@ -247,6 +250,31 @@ static void one_that_stands_elsewhere_does_not(void **state)
     assert_int_equal(k->mirror.id, 0);
 }
 
+/* Of the planes x = -2 and y = 4 the second. */
+static size_t stands_before_3_7(const void *context, const double imaged_m[3])
+{
+    (void)context;
+    return hypot(imaged_m[0] - 3.0, imaged_m[1] - 7.0) < 1e-9 ? 1 : 2;
+}
+
+/* x = 5 goes, and before (7, 1) stands nothing; but by way of y = 4 it is seen at (3, 7).
+ */
+static void what_another_mirror_shows_there_stays_there(void **state)
+{
+    struct rig *r = *state;
+    struct track *k = start(r, mirror(7, 1.0, 0.0, 5.0), 3.0, 1.0);
+
+    know(r, mirror(8, 1.0, 0.0, -2.0));
+    know(r, mirror(9, 0.0, 1.0, 4.0));
+    r->scan.stands_before = stands_before_3_7;
+    track_mirror_follow(&r->t, &r->scan);
+    expect_state(&k->filter, 3.0, 1.0, 1.2, -0.4);
+    assert_int_equal(k->mirror.id, 9);
+    assert_near(k->mirror.distance_m, 4.0, 1e-12);
+    assert_false(k->placed); /* until it is measured there */
+    assert_int_equal(r->t.counts.jumped, 0);
+}
+
 /* A vehicle at (2, 1) that looks along y; 3 m ahead of it is y = 4 over ground. */
 static void mirrors_are_the_vehicles_and_tracks_the_grounds(void **state)
 {
@@ -305,6 +333,33 @@ static void beyond_three_sigma_of_the_mirrors_a_track_has_jumped(void **state)
     }
 }
 
+/* (1.5, 2) is 2.5 m before 0.6 x + 0.8 y = 5, the foot of its perpendicular 2.2 m beside
+ * that of the array's: three sigma of both estimates are 6 x 0.02 hypot(2.5, 2.2, 2.22,
+ * 2.2), 55 cm. */
+static void a_turn_of_a_slanted_mirror_is_about_the_array(void **state)
+{
+    static const struct {
+        double by_m;
+        bool jumps;
+    } cases[] = {{0.27, false}, {0.28, true}};
+
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        struct track_mirror m = mirror(7, 0.6, 0.8, 5.0);
+        assert_int_equal(setup(state), 0);
+        struct rig *r = *state;
+        m.sigma_rad = 0.02;
+        struct track *k = start(r, m, 1.5, 2.0);
+        m.distance_m += cases[i].by_m;
+        know(r, m);
+        r->scan.array = (struct track_array){.at_m = {2.0, -1.0}, .axis = {0.0, 1.0}};
+        track_mirror_follow(&r->t, &r->scan);
+        expect_state(&k->filter, 1.5 + 1.2 * cases[i].by_m, 2.0 + 1.6 * cases[i].by_m,
+                     1.2, -0.4);
+        assert_int_equal(k->placed, !cases[i].jumps);
+        teardown(state);
+    }
+}
+
 static void what_jumps_by_a_metre_is_not_near_to_both(void **state)
 {
     struct rig *r = *state;
@@ -330,7 +385,8 @@ static void what_is_measured_by_a_mirror_has_a_place(void **state)
     assert_int_equal(k->mirror.id, 7);
     assert_near(k->mirror.normal[1], 1.0, 1e-12);
     assert_near(k->mirror.distance_m, 4.0, 1e-12);
-    track_mirror_measured(&r->t, &r->scan, k, 8); /* nobody knows it */
+    r->scan.mirrors[r->scan.n_mirrors] = mirror(8, 1.0, 0.0, 3.0);
+    track_mirror_measured(&r->t, &r->scan, k, 8); /* known once, not any more */
     assert_false(k->placed);
     assert_int_equal(k->mirror.id, 0);
     track_mirror_measured(&r->t, &r->scan, k, 7);
@@ -503,8 +559,10 @@ int main(void)
         TEST(an_extent_is_along_the_vehicle),
         TEST(another_mirror_that_stands_before_the_image_takes_over),
         TEST(one_that_stands_elsewhere_does_not),
+        TEST(what_another_mirror_shows_there_stays_there),
         TEST(mirrors_are_the_vehicles_and_tracks_the_grounds),
         cmocka_unit_test(beyond_three_sigma_of_the_mirrors_a_track_has_jumped),
+        cmocka_unit_test(a_turn_of_a_slanted_mirror_is_about_the_array),
         TEST(what_jumps_by_a_metre_is_not_near_to_both),
         TEST(what_is_measured_by_a_mirror_has_a_place),
         cmocka_unit_test(of_one_thing_that_two_mirrors_show_the_older_stays),
