@@ -11,6 +11,7 @@
 #include <sys/un.h>
 
 #include "msgs/endpoint.h"
+#include "msgs/wire_guard.h"
 #include "run_folder.h"
 
 /* nanomsg's wire format, SP over IPC.  A handshake names the protocol of who sends it:
@@ -135,9 +136,89 @@ static void a_false_publisher_ends_nobody_and_the_true_one_is_heard(void **state
     }
 }
 
+/* -- the calls themselves ---------------------------------------------------------------
+ */
+
+static ssize_t read_from(int fd, char *into, size_t size)
+{
+    struct iovec part = {into, size};
+    struct msghdr message = {.msg_iov = &part, .msg_iovlen = 1};
+    return recvmsg(fd, &message, 0);
+}
+
+/* Both ends of a connection to a socket of that name: [0] is who connected. */
+static void join(int ends[2], const char *name)
+{
+    struct sockaddr_un at = {.sun_family = AF_UNIX};
+    int listener = socket(AF_UNIX, SOCK_STREAM, 0);
+    snprintf(at.sun_path, sizeof at.sun_path, "%s/%s", run_folder, name);
+    unlink(at.sun_path);
+    assert_int_equal(bind(listener, (struct sockaddr *)&at, sizeof at), 0);
+    assert_int_equal(listen(listener, 1), 0);
+    ends[0] = socket(AF_UNIX, SOCK_STREAM, 0);
+    assert_int_equal(connect(ends[0], (struct sockaddr *)&at, sizeof at), 0);
+    ends[1] = accept(listener, NULL, NULL);
+    assert_true(ends[1] >= 0);
+    close(listener);
+}
+
+/* Two frames, of 5 bytes and of none, and what is no frame. */
+static void
+nothing_is_read_ahead_and_of_each_frame_the_first_byte_is_looked_at(void **state)
+{
+    static const char sent[] =
+        HELLO("\x20") "\1" LENGTH("\5") "hello"
+                                        "\1" LENGTH("\0") "\2" LENGTH("\5") "hello";
+    static const ssize_t parts[] = {8, 9, 5, 9, 0};
+    char got[64];
+    size_t at = 0;
+    int ends[2];
+    (void)state;
+    join(ends, "a.ipc");
+    uint64_t before = wire_guard_refused();
+    assert_int_equal(send(ends[1], sent, sizeof sent - 1, 0), sizeof sent - 1);
+    for (size_t i = 0; i < sizeof parts / sizeof *parts; i++) {
+        assert_int_equal(read_from(ends[0], got, sizeof got), parts[i]);
+        assert_memory_equal(got, sent + at, (size_t)parts[i]);
+        at += (size_t)parts[i];
+    }
+    assert_int_equal(wire_guard_refused(), before + 1);
+    close(ends[0]);
+    close(ends[1]);
+}
+
+static void who_goes_is_not_refused(void **state)
+{
+    char got[64];
+    int ends[2];
+    (void)state;
+    join(ends, "a.ipc");
+    uint64_t before = wire_guard_refused();
+    close(ends[1]);
+    assert_int_equal(read_from(ends[0], got, sizeof got), 0);
+    assert_int_equal(wire_guard_refused(), before);
+    close(ends[0]);
+}
+
+static void what_is_none_of_ours_is_read_as_it_comes(void **state)
+{
+    char got[64];
+    int ends[2];
+    (void)state;
+    join(ends, "a.socket");
+    assert_int_equal(send(ends[1], "hello, hello", 12, 0), 12);
+    assert_int_equal(read_from(ends[0], got, sizeof got), 12);
+    close(ends[0]);
+    close(ends[1]);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(
+            nothing_is_read_ahead_and_of_each_frame_the_first_byte_is_looked_at),
+        cmocka_unit_test(who_goes_is_not_refused),
+        cmocka_unit_test(what_is_none_of_ours_is_read_as_it_comes),
         cmocka_unit_test(no_wrong_byte_in_any_nodes_socket_ends_it),
         cmocka_unit_test(it_is_counted_and_costs_who_listens_nothing),
         cmocka_unit_test(a_false_publisher_ends_nobody_and_the_true_one_is_heard),

@@ -72,7 +72,9 @@ static void the_methods_are_listed(void **state)
 {
     (void)state;
     for (int q = 0; q < N_EVERY; q++)
-        assert_true(is_listed(methods[q]));
+        assert_true(is_listed(methods[q]) && imager_has_method(methods[q]));
+    assert_false(imager_has_method("fas") || imager_adds("fas") ||
+                 imager_isolates("fas") || imager_clips("fas"));
     assert_false(is_listed(""));
     assert_false(is_listed("fas"));
 }
@@ -459,6 +461,32 @@ static void what_a_masked_microphone_says_does_not_matter(void **state)
     }
 }
 
+static void a_trace_that_is_no_number_counts_as_masked(void **state)
+{
+    (void)state;
+    for (int q = 0; q < N_EVERY; q++) {
+        struct bench b;
+        bench_open(&b, q);
+        size_t n = b.rig.format.n_samples, size = grid_size(&b.rig.grid) * sizeof(float);
+        float *masked = malloc(size);
+        float complex *traces = malloc(4 * n * sizeof *traces);
+        assert_true(masked && traces);
+        add_masked(&b, 2, 0.0f);
+        imager_image(b.im, masked);
+        imager_reset(b.im);
+        for (size_t p = 0; p < 32; p++) {
+            rig_ping(&b.rig, p / 4, p % 4, &a_point, 1, traces);
+            traces[2 * n + n / 2] = NAN;
+            assert_true(imager_add(b.im, p / 4, p % 4, traces, NULL));
+        }
+        imager_image(b.im, b.image);
+        assert_memory_equal(b.image, masked, size);
+        free(traces);
+        free(masked);
+        bench_close(&b);
+    }
+}
+
 static void with_all_microphones_masked_nothing_shows(void **state)
 {
     (void)state;
@@ -835,6 +863,7 @@ int main(void)
         cmocka_unit_test(pings_may_come_from_several_threads_at_once),
         cmocka_unit_test(a_masked_microphone_is_as_if_absent),
         cmocka_unit_test(what_a_masked_microphone_says_does_not_matter),
+        cmocka_unit_test(a_trace_that_is_no_number_counts_as_masked),
         cmocka_unit_test(with_all_microphones_masked_nothing_shows),
         cmocka_unit_test(a_midpoint_of_many_pairs_counts_as_one),
         cmocka_unit_test(amplitudes_superpose),
