@@ -3,6 +3,7 @@
 
 #include <errno.h>
 #include <limits.h>
+#include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -116,15 +117,19 @@ int rundir_open(char out[RUNDIR_SIZE], const char *asked, struct error *why)
 
 static void launch_link(char out[RUNDIR_SIZE + 16], const char *run_dir)
 {
-    snprintf(out, RUNDIR_SIZE + 16, "%s/launch.yaml", run_dir);
+    snprintf(out, RUNDIR_SIZE + 16, "%s/launch-file", run_dir);
 }
 
 int rundir_set_launch(const char *run_dir, const char *path, struct error *why)
 {
     char link[RUNDIR_SIZE + 16];
+    struct stat st;
 
     launch_link(link, run_dir);
-    if (unlink(link) && errno != ENOENT)
+    bool there = !lstat(link, &st);
+    if (there && !S_ISLNK(st.st_mode))
+        return error_say(why, -EEXIST, "%s: is there, and not of anlos", link);
+    if (there && unlink(link))
         return error_say(why, -errno, "%s: %s", link, strerror(errno));
     if (!path)
         return 0;

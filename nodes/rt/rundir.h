@@ -23,9 +23,10 @@ int rundir_open(char out[RUNDIR_SIZE], const char *asked, struct error *why);
  */
 int rundir_check(const char *run_dir, struct error *why);
 
-/* The launch file of the system that runs there, RUN_DIR/launch.yaml: a link, so that
- * paths in the file mean what they mean where it lies.  path NULL: takes it away.  0,
- * -ENOMEM, other negative errno. */
+/* The launch file of the system that runs there, RUN_DIR/launch-file: a link, so that
+ * paths in the file mean what they mean where it lies.  path NULL: takes it away.  What
+ * is there and is no link is left alone.  0, -EEXIST (such), -ENOMEM, other negative
+ * errno. */
 int rundir_set_launch(const char *run_dir, const char *path, struct error *why);
 
 /* Its absolute path, owned by the caller; NULL: nobody left one, or the file is gone. */

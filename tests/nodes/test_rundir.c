@@ -219,6 +219,19 @@ static void the_launch_file_is_found_from_any_folder_while_it_is_there(void **st
     assert_int_equal(rundir_set_launch(s->folder, expected, NULL), -ENOENT);
 }
 
+static void a_file_of_the_user_is_not_replaced_by_the_link(void **state)
+{
+    struct scratch *s = *state;
+    char path[PATH_MAX];
+
+    snprintf(path, sizeof path, "%s", scratch_write(s, "launch-file", "precious"));
+    assert_int_equal(rundir_set_launch(s->folder, path, NULL), -EEXIST);
+    assert_int_equal(rundir_set_launch(s->folder, NULL, NULL), -EEXIST);
+    struct stat st;
+    assert_int_equal(lstat(path, &st), 0);
+    assert_true(S_ISREG(st.st_mode) && st.st_size == 8);
+}
+
 #define TEST(f) cmocka_unit_test_setup_teardown(f, scratch_open, scratch_close)
 
 int main(void)
@@ -235,6 +248,7 @@ int main(void)
         TEST(every_program_refuses_and_ends_with_2),
         TEST(a_name_too_long_for_sockets_is_refused),
         TEST(the_launch_file_is_found_from_any_folder_while_it_is_there),
+        TEST(a_file_of_the_user_is_not_replaced_by_the_link),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

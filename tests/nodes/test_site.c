@@ -45,7 +45,8 @@ static void the_launch_file_is_known_in_the_run_folder_while_it_runs(void **stat
     const struct arguments a = {.run_dir = s->folder};
     char run_dir[RUNDIR_SIZE], path[PATH_MAX];
 
-    snprintf(path, sizeof path, "%s", scratch_write(s, "drive.yaml", "nodes: [array]\n"));
+    snprintf(path, sizeof path, "%s",
+             scratch_write(s, "launch.yaml", "nodes: [array]\n"));
     l.path = path;
     l.hosts.n = 0;
     assert_int_equal(site_open(&l, &a, run_dir, NULL), 0);
@@ -56,6 +57,7 @@ static void the_launch_file_is_known_in_the_run_folder_while_it_runs(void **stat
     free(real);
     site_close(&l, run_dir);
     assert_null(rundir_launch(run_dir));
+    assert_int_equal(access(path, R_OK), 0); /* the file itself may lie there, too */
 }
 
 static void what_the_next_launcher_wrote_is_left_alone(void **state)
