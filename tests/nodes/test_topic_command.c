@@ -362,6 +362,18 @@ static void what_a_process_says_is_refused_from_outside(void **state)
     }
 }
 
+static void what_a_person_asks_for_is_said_beside_a_process_that_may_ask_too(void **state)
+{
+    (void)state;
+    struct command_result r;
+    char json[] = "{\"reason\": \"brake\"}";
+    char *words[] = {"topic", "pub", "record/save", json, "--run-dir", run_dir, NULL};
+
+    pub_beside("can", BUS_LIVE, words, &r);
+    assert_null(strstr(r.err, "says it already"));
+    assert_int_equal(r.code, 0);
+}
+
 /* What pub prints of a message, as echo would. */
 static json_t *published(const char *json, const char *more, struct command_result *r)
 {
@@ -478,6 +490,8 @@ int main(void)
         cmocka_unit_test(hz_tells_rate_intervals_and_gaps),
         cmocka_unit_test(bw_tells_bytes_a_second_and_of_a_message),
         cmocka_unit_test(delay_tells_times_since_sound_and_sending),
+        cmocka_unit_test(
+            what_a_person_asks_for_is_said_beside_a_process_that_may_ask_too),
         cmocka_unit_test(what_a_process_says_is_refused_from_outside),
         cmocka_unit_test(what_comes_from_outside_has_a_name_and_stamps_of_its_own),
         cmocka_unit_test(a_recorded_line_is_not_said_as_if_it_were_now),

@@ -68,13 +68,14 @@ static bool runs(const struct system *s, const char *node)
     return false;
 }
 
-/* A node that says the same already; NULL: none. */
+/* A node that says the same already; NULL: none.  What is asked for now and then is asked
+ * by several. */
 static const char *other_speaker(const struct system *s, const struct topic *t,
                                  const char *from)
 {
     const char *name;
 
-    for (size_t i = 0; (name = topic_publisher(t, i)); i++)
+    for (size_t i = 0; t->rate_hz > 0.0 && (name = topic_publisher(t, i)); i++)
         if (is_node(name) && strcmp(name, from) && runs(s, name))
             return name;
     return NULL;
