@@ -33,9 +33,9 @@ int site_open(const struct launchfile *l, const struct arguments *a,
         endpoint_lock(run_dir, "launcher", false, why); /* the file is of who runs here */
     if (lock < 0)
         return lock;
-    err = hosts_write(&l->hosts, run_dir, why);
+    err = rundir_set_launch(run_dir, l->path, why);
     if (!err)
-        err = rundir_set_launch(run_dir, l->path, why);
+        err = hosts_write(&l->hosts, run_dir, why);
     close(lock);
     return err;
 }

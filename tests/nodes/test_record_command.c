@@ -387,26 +387,31 @@ static void the_node_too_ends_with_1_when_messages_got_lost(void **state)
     assert_contains(g->text, expected);
 }
 
-static void the_launch_file_of_what_runs_there_is_kept_unasked(void **state)
+/* Records beside a system whose launch file, vehicle.yaml, says that. */
+static void record_beside(struct rig *g, const char *text)
 {
-    static const char text[] = "nodes: [record]\nrecord: {path: unused.mcap}\n";
-    struct rig *g = *state;
     const char *const words[] = {"-o",         g->bag, "--run-dir", g->run_dir,
                                  "--flush-ms", "10",   NULL};
-    char kept[200];
+    const char *path = scratch_write(g->scratch, "vehicle.yaml", text);
 
-    scratch_write(g->scratch, "vehicle.yaml", text);
-    snprintf(kept, sizeof kept, "%s/vehicle.yaml", g->scratch->folder);
-    assert_int_equal(rundir_set_launch(g->run_dir, kept, NULL), 0);
+    assert_int_equal(rundir_set_launch(g->run_dir, path, NULL), 0);
     start(g, "", words);
     publish_until_recorded(g);
     assert_int_equal(kill(g->pid, SIGINT), 0);
     assert_int_equal(finish(g), 0);
+}
+
+static void the_launch_file_of_what_runs_there_is_kept_unasked(void **state)
+{
+    static const char text[] = "nodes: [record]\nrecord: {path: unused.mcap}\n";
+    struct rig *g = *state;
+    char kept[200], read[64] = "";
+
+    record_beside(g, text);
     assert_null(strstr(g->text, "attached"));
     assert_null(strstr(g->text, "launch file"));
     snprintf(kept, sizeof kept, "%s/kept.yaml", g->scratch->folder);
     assert_true(save_attachment(g->bag, MANIFEST_LAUNCH_FOLDER "vehicle.yaml", kept));
-    char read[64] = "";
     FILE *f = fopen(kept, "re");
     assert_non_null(f);
     assert_int_equal(fread(read, 1, sizeof read - 1, f), sizeof text - 1);
@@ -417,19 +422,12 @@ static void the_launch_file_of_what_runs_there_is_kept_unasked(void **state)
 static void one_that_is_damaged_by_now_is_left_out_with_a_word(void **state)
 {
     struct rig *g = *state;
-    const char *const words[] = {"-o",         g->bag, "--run-dir", g->run_dir,
-                                 "--flush-ms", "10",   NULL};
     char path[200];
 
-    scratch_write(g->scratch, "vehicle.yaml", "nodes: [aray]\n");
-    snprintf(path, sizeof path, "%s/vehicle.yaml", g->scratch->folder);
-    assert_int_equal(rundir_set_launch(g->run_dir, path, NULL), 0);
-    start(g, "", words);
-    publish_until_recorded(g);
-    assert_int_equal(kill(g->pid, SIGINT), 0);
-    assert_int_equal(finish(g), 0);
+    record_beside(g, "nodes: [aray]\n");
     assert_contains(g->text, "not attached: ");
     assert_contains(g->text, "vehicle.yaml");
+    snprintf(path, sizeof path, "%s/kept.yaml", g->scratch->folder);
     assert_false(save_attachment(g->bag, MANIFEST_LAUNCH_FOLDER "vehicle.yaml", path));
 }
 
