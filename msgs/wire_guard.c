@@ -7,6 +7,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 #include <string.h>
+#include <sys/epoll.h>
 #include <sys/socket.h>
 #include <sys/uio.h>
 #include <sys/un.h>
@@ -19,9 +20,11 @@
 enum role { ROLE_NONE, ROLE_PUBLISHER, ROLE_SUBSCRIBER };
 
 /* A connection, by its descriptor, until that is closed.  nanomsg reads one by one thread
- * at a time, so that each needs no lock; that they are global is in the nature of the
- * calls.  */
+ * at a time, so that each needs no lock, but for what epoll_wait looks at; that they are
+ * global is in the nature of the calls.  */
 struct link {
+    _Atomic(void *) handle; /* nanomsg's, in the events of it; NULL: awaits none */
+    _Atomic bool pauses;    /* has the handshake, and does not read on yet */
     enum role role;
     size_t handshake; /* bytes of it that have come */
     size_t header;    /* bytes of a frame's header that have come */
@@ -61,7 +64,12 @@ static bool begin(int fd, enum role role)
 {
     if (fd < 0 || fd >= MAX_FD)
         return false;
-    links[fd] = (struct link){.role = role};
+    struct link *l = &links[fd];
+    l->handle = NULL;
+    l->pauses = false;
+    l->role = role;
+    l->handshake = l->header = 0;
+    l->left = 0;
     return true;
 }
 
@@ -141,9 +149,60 @@ int close(int fd)
     call *real;
     memcpy(&real, &found, sizeof real);
     struct link *l = find(fd);
-    if (l)
-        l->role = ROLE_NONE; /* before another file gets its number */
+    if (l) { /* before another file gets its number */
+        l->role = ROLE_NONE;
+        l->handle = NULL;
+    }
     return real(fd);
+}
+
+int epoll_ctl(int epoll, int how, int fd, struct epoll_event *event)
+{
+    typedef int call(int, int, int, struct epoll_event *);
+    static _Atomic(void *) kept;
+    void *found = next("epoll_ctl", &kept);
+    call *real;
+    memcpy(&real, &found, sizeof real);
+    struct link *l = find(fd);
+    if (l)
+        l->handle = how == EPOLL_CTL_DEL ? NULL : event->data.ptr;
+    return real(epoll, how, fd, event);
+}
+
+static struct link *find_handle(const void *handle)
+{
+    for (size_t fd = 0; handle && fd < MAX_FD; fd++)
+        if (links[fd].handle == handle)
+            return &links[fd];
+    return NULL;
+}
+
+/* Leaves of an event what nanomsg may be told now: of a connection's end neither before
+ * what was sent over it, nor while it pauses.  false: nothing. */
+static bool hold_end(struct epoll_event *event)
+{
+    const uint32_t end = EPOLLHUP | EPOLLERR;
+    if (!(event->events & end))
+        return true;
+    const struct link *l = find_handle(event->data.ptr);
+    if (l && (l->pauses || event->events & ~end))
+        event->events &= ~end;
+    return event->events;
+}
+
+/* What is kept back comes again, until it is acted upon. */
+int epoll_wait(int epoll, struct epoll_event *events, int max, int timeout)
+{
+    typedef int call(int, struct epoll_event *, int, int);
+    static _Atomic(void *) kept;
+    void *found = next("epoll_wait", &kept);
+    call *real;
+    memcpy(&real, &found, sizeof real);
+    int n = real(epoll, events, max, timeout), told = 0;
+    for (int i = 0; i < n; i++)
+        if (hold_end(&events[i]))
+            events[told++] = events[i];
+    return n < 0 ? n : told;
 }
 
 /* Of what nanomsg reads next, handshake, header or body: what is left. */
@@ -166,6 +225,7 @@ ssize_t recvmsg(int fd, struct msghdr *message, int flags)
     struct link *l = find(fd);
     if (!l || !message->msg_iovlen)
         return real(fd, message, flags);
+    l->pauses = false;
     struct msghdr part = *message;
     struct iovec into = *message->msg_iov;
     into.iov_len = least(into.iov_len, wanted(l));
@@ -174,8 +234,10 @@ ssize_t recvmsg(int fd, struct msghdr *message, int flags)
     ssize_t n = real(fd, &part, flags);
     message->msg_controllen = part.msg_controllen;
     message->msg_flags = part.msg_flags;
-    if (n <= 0 || accept_bytes(l, into.iov_base, (size_t)n))
+    if (n <= 0 || accept_bytes(l, into.iov_base, (size_t)n)) {
+        l->pauses = n > 0 && l->handshake == HANDSHAKE_SIZE && !l->header;
         return n;
+    }
     refused++;
     return 0;
 }
