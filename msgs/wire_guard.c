@@ -78,33 +78,36 @@ static struct link *find(int fd)
     return fd >= 0 && fd < MAX_FD && links[fd].role ? &links[fd] : NULL;
 }
 
-static size_t least(size_t a, uint64_t b)
+/* Of what nanomsg reads next, handshake, header or body: what is left. */
+static uint64_t wanted(const struct link *l)
 {
-    return a < b ? a : (size_t)b;
+    if (l->handshake < HANDSHAKE_SIZE)
+        return HANDSHAKE_SIZE - l->handshake;
+    if (l->header < HEADER_SIZE)
+        return HEADER_SIZE - l->header;
+    return l->left ? l->left : HEADER_SIZE;
 }
 
-/* false: no more of this.  nanomsg itself looks at the handshake, and at lengths. */
+/* Takes what has come, which is never more than what is wanted.  false: no more of this.
+ * nanomsg itself looks at the handshake, and at lengths. */
 static bool accept_bytes(struct link *l, const uint8_t *data, size_t n)
 {
-    while (n) {
-        size_t used = 1;
-        if (l->handshake < HANDSHAKE_SIZE)
-            used = least(n, HANDSHAKE_SIZE - l->handshake), l->handshake += used;
-        else if (l->role == ROLE_PUBLISHER)
-            return false; /* a subscriber has nothing to say */
-        else if (l->header == HEADER_SIZE && l->left)
-            used = least(n, l->left), l->left -= used;
-        else {
-            if (l->header == HEADER_SIZE)
-                l->header = 0;
-            if (!l->header && *data != 1)
-                return false;
-            l->left = l->header ? l->left << 8 | *data : 0;
-            l->header++;
-        }
-        data += used;
-        n -= used;
+    if (l->handshake < HANDSHAKE_SIZE) {
+        l->handshake += n;
+        return true;
     }
+    if (l->role == ROLE_PUBLISHER)
+        return false; /* a subscriber has nothing to say */
+    if (l->header == HEADER_SIZE && l->left) {
+        l->left -= n;
+        return true;
+    }
+    if (l->header == HEADER_SIZE)
+        l->header = 0;
+    if (!l->header && *data != 1)
+        return false;
+    for (; n; n--, l->header++)
+        l->left = l->left << 8 | *data++;
     return true;
 }
 
@@ -205,16 +208,6 @@ int epoll_wait(int epoll, struct epoll_event *events, int max, int timeout)
     return n < 0 ? n : told;
 }
 
-/* Of what nanomsg reads next, handshake, header or body: what is left. */
-static uint64_t wanted(const struct link *l)
-{
-    if (l->handshake < HANDSHAKE_SIZE)
-        return HANDSHAKE_SIZE - l->handshake;
-    if (l->header < HEADER_SIZE)
-        return HEADER_SIZE - l->header;
-    return l->left ? l->left : HEADER_SIZE;
-}
-
 ssize_t recvmsg(int fd, struct msghdr *message, int flags)
 {
     typedef ssize_t call(int, struct msghdr *, int);
@@ -228,7 +221,8 @@ ssize_t recvmsg(int fd, struct msghdr *message, int flags)
     l->pauses = false;
     struct msghdr part = *message;
     struct iovec into = *message->msg_iov;
-    into.iov_len = least(into.iov_len, wanted(l));
+    if (into.iov_len > wanted(l))
+        into.iov_len = (size_t)wanted(l);
     part.msg_iov = &into;
     part.msg_iovlen = 1;
     ssize_t n = real(fd, &part, flags);
