@@ -7,10 +7,12 @@
 
 #include <cmocka.h>
 
+#include <fcntl.h>
 #include <nanomsg/nn.h>
 #include <nanomsg/pubsub.h>
 #include <poll.h>
 #include <sys/epoll.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
 #include <sys/un.h>
 
@@ -191,34 +193,108 @@ static void join(int ends[2], const char *name)
     assert_int_equal(listen(listener, 1), 0);
     ends[0] = socket(AF_UNIX, SOCK_STREAM, 0);
     assert_int_equal(connect(ends[0], (struct sockaddr *)&at, sizeof at), 0);
-    ends[1] = accept(listener, NULL, NULL);
+    ends[1] = accept4(listener, NULL, NULL, SOCK_CLOEXEC);
     assert_true(ends[1] >= 0);
     close(listener);
 }
 
-/* Two frames, of 5 bytes and of none, and what is no frame. */
-static void
-nothing_is_read_ahead_and_of_each_frame_the_first_byte_is_looked_at(void **state)
+struct step {
+    size_t sent;      /* more of it is sent */
+    ssize_t reads[3]; /* what is then read at once, as often as that is not 0 */
+};
+
+/* Over a new connection: of what a publisher sends, who reads 64 bytes gets the steps'.
+ */
+static void read_in_steps(const struct bytes *b, const struct step *steps, size_t n)
 {
-    static const char sent[] =
-        HELLO("\x20") "\1" LENGTH("\5") "hello"
-                                        "\1" LENGTH("\0") "\2" LENGTH("\5") "hello";
-    static const ssize_t parts[] = {8, 9, 5, 9, 0};
     char got[64];
-    size_t at = 0;
+    size_t sent = 0, at = 0;
+    int ends[2];
+    join(ends, "a.ipc");
+    for (size_t i = 0; i < n; sent += steps[i++].sent) {
+        assert_int_equal(send(ends[1], b->data + sent, steps[i].sent, 0), steps[i].sent);
+        for (size_t k = 0; k < 3 && steps[i].reads[k]; k++) {
+            assert_int_equal(read_from(ends[0], got, sizeof got), steps[i].reads[k]);
+            assert_memory_equal(got, b->data + at, (size_t)steps[i].reads[k]);
+            at += (size_t)steps[i].reads[k];
+        }
+    }
+    assert_int_equal(sent, b->size);
+    close(ends[0]);
+    close(ends[1]);
+}
+
+/* Frames of 5 bytes, of none, and of 258. */
+#define FRAMES                                                                           \
+    HELLO("\x20")                                                                        \
+    "\1" LENGTH("\5") "hello"                                                            \
+                      "\1" LENGTH("\0") "\1\0\0\0\0\0\0\1\2"
+
+static void nothing_is_read_ahead_however_it_comes(void **state)
+{
+    static char sent[sizeof FRAMES - 1 + 258 + 1];
+    const struct bytes b = {sent, sizeof sent};
+    static const struct step at_once[] = {
+        {8 + 14 + 9 + 9 + 258 + 1, {8, 9, 5}},
+        {0, {9, 9, 64}},
+        {0, {64, 64, 64}},
+        {0, {2, 1}},
+    };
+    static const struct step in_parts[] = {
+        {3, {3}},        {5 + 4, {5, 4}},           {5 + 2, {5, 2}},
+        {3 + 8, {3, 8}}, {1 + 9 + 200, {1, 9, 64}}, {58 + 1, {64, 64, 64}},
+        {0, {2, 1}},
+    };
+    (void)state;
+    memcpy(sent, FRAMES, sizeof FRAMES - 1);
+    sent[sizeof sent - 1] = 1; /* the next one's first */
+    uint64_t before = wire_guard_refused();
+    read_in_steps(&b, at_once, sizeof at_once / sizeof *at_once);
+    read_in_steps(&b, in_parts, sizeof in_parts / sizeof *in_parts);
+    assert_int_equal(wire_guard_refused(), before);
+}
+
+static void of_each_frame_the_first_byte_is_looked_at(void **state)
+{
+    static const char sent[] = HELLO("\x20") "\1" LENGTH("\1") "x\2" LENGTH("\1") "x";
+    char got[64];
     int ends[2];
     (void)state;
-    join(ends, "a.ipc");
     uint64_t before = wire_guard_refused();
+    join(ends, "a.ipc");
     assert_int_equal(send(ends[1], sent, sizeof sent - 1, 0), sizeof sent - 1);
-    for (size_t i = 0; i < sizeof parts / sizeof *parts; i++) {
-        assert_int_equal(read_from(ends[0], got, sizeof got), parts[i]);
-        assert_memory_equal(got, sent + at, (size_t)parts[i]);
-        at += (size_t)parts[i];
-    }
+    assert_int_equal(read_from(ends[0], got, sizeof got), 8);
+    assert_int_equal(read_from(ends[0], got, sizeof got), 9);
+    assert_int_equal(read_from(ends[0], got, sizeof got), 1);
+    assert_int_equal(read_from(ends[0], got, sizeof got), 0);
     assert_int_equal(wire_guard_refused(), before + 1);
     close(ends[0]);
     close(ends[1]);
+}
+
+/* More than nanomsg itself can use. */
+static void a_descriptor_that_is_not_watched_is_not_connected(void **state)
+{
+    enum { WATCHED = 4096 };
+    struct rlimit limit;
+    struct sockaddr_un at = {.sun_family = AF_UNIX};
+    int fd = socket(AF_UNIX, SOCK_STREAM, 0);
+    (void)state;
+    getrlimit(RLIMIT_NOFILE, &limit);
+    limit.rlim_cur = limit.rlim_max;
+    setrlimit(RLIMIT_NOFILE, &limit);
+    int high = fcntl(fd, F_DUPFD_CLOEXEC, WATCHED);
+    close(fd);
+    if (high < 0) /* the machine allows no such thing */
+        skip();
+    snprintf(at.sun_path, sizeof at.sun_path, "%s/none.ipc", run_folder);
+    assert_int_equal(connect(high, (struct sockaddr *)&at, sizeof at), -1);
+    assert_int_equal(errno, EMFILE);
+    assert_int_equal(dup2(high, WATCHED - 1), WATCHED - 1);
+    assert_int_equal(connect(WATCHED - 1, (struct sockaddr *)&at, sizeof at), -1);
+    assert_int_equal(errno, ENOENT);
+    close(high);
+    close(WATCHED - 1);
 }
 
 static uint32_t events_of(int epoll)
@@ -251,14 +327,18 @@ static void that_one_hangs_up_is_told_after_what_it_sent_and_after_a_pause(void 
 static void who_goes_is_not_refused(void **state)
 {
     char got[64];
-    int ends[2];
     (void)state;
-    join(ends, "a.ipc");
     uint64_t before = wire_guard_refused();
-    close(ends[1]);
-    assert_int_equal(read_from(ends[0], got, sizeof got), 0);
+    for (int end = 0; end < 2; end++) {
+        int ends[2];
+        join(ends, "a.ipc");
+        assert_int_equal(send(ends[!end], HELLO("\x20"), 8, 0), 8);
+        close(ends[!end]);
+        assert_int_equal(read_from(ends[end], got, sizeof got), 8);
+        assert_int_equal(read_from(ends[end], got, sizeof got), 0);
+        close(ends[end]);
+    }
     assert_int_equal(wire_guard_refused(), before);
-    close(ends[0]);
 }
 
 static void what_is_none_of_ours_is_read_as_it_comes(void **state)
@@ -276,8 +356,9 @@ static void what_is_none_of_ours_is_read_as_it_comes(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(
-            nothing_is_read_ahead_and_of_each_frame_the_first_byte_is_looked_at),
+        cmocka_unit_test(nothing_is_read_ahead_however_it_comes),
+        cmocka_unit_test(of_each_frame_the_first_byte_is_looked_at),
+        cmocka_unit_test(a_descriptor_that_is_not_watched_is_not_connected),
         cmocka_unit_test(that_one_hangs_up_is_told_after_what_it_sent_and_after_a_pause),
         cmocka_unit_test(who_goes_is_not_refused),
         cmocka_unit_test(what_is_none_of_ours_is_read_as_it_comes),
