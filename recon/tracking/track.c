@@ -12,9 +12,11 @@
 #define EXTENT_SHARE     0.3        /* of the newest look at it */
 #define STARTED          TRACKS_MAX /* owner of what a track begins with */
 #define NEWCOMER_M       1.5        /* from anybody who is known */
-#define WAKE_S           0.5        /* so long ago somebody was where he still echoes */
-#define MISSED_LOOKS     0.5        /* after more of them it may be something else */
-#define LONGEST_S        60.0       /* nothing is predicted farther */
+#define FAINT            0.3        /* of the usual power: below it is doubted */
+#define USUAL_LOOKS      5.0
+#define WAKE_S           0.5  /* so long ago somebody was where he still echoes */
+#define MISSED_LOOKS     0.5  /* after more of them it may be something else */
+#define LONGEST_S        60.0 /* nothing is predicted farther */
 
 void track_config_default(struct track_config *cfg)
 {
@@ -173,13 +175,31 @@ static void judge_rest(const struct tracker *t, const struct track_scan *scan,
         k->moves_ns = scan->stamp_ns;
 }
 
+/* Who walks behind an edge, or off the end of a wall, is heard in part for a moment, ever
+ * fainter, and that part stays where the edge is.  Of what is much fainter than it was
+ * less is believed. */
+static void doubt_faint(struct track *k, double power, double fresh,
+                        struct track_position *p)
+{
+    double usual = k->usual > 0.0 ? k->usual : power;
+    double faint = FAINT * usual / power;
+
+    k->usual = usual + fresh / USUAL_LOOKS * (power - usual);
+    for (int a = 0; faint > 1.0 && a < 2; a++)
+        for (int b = 0; b < 2; b++)
+            p->covariance_m2[a][b] *= faint * faint;
+}
+
 /* Who walks has two models, and of his height no noise. */
-static void update_filter(struct track *k, struct track_position *p, int64_t now_ns)
+static void update_filter(struct track *k, double power, double fresh,
+                          struct track_position *p, int64_t now_ns)
 {
     bool walks = track_outline_may_walk(k);
 
     if (walks)
         memcpy(p->covariance_m2, p->walker_m2, sizeof p->covariance_m2);
+    if (walks)
+        doubt_faint(k, power, fresh, p);
     if (walks && !k->models.begun)
         track_models_begin(&k->models, &k->filter);
     k->models.begun = walks || (k->models.begun && track_outline_is_slow(k));
@@ -261,7 +281,8 @@ static void continue_track(struct tracker *t, const struct track_scan *scan, siz
         for (int a = 0; k->models.begun && a < 2; a++)
             middle.at_m[a] += middle.middle_m[a];
         track_filter_update(&k->steady, &middle);
-        update_filter(k, &middle, scan->stamp_ns);
+        update_filter(k, scan->detections[k->detection].power, fresh, &middle,
+                      scan->stamp_ns);
     }
     measure_height(t, &scan->detections[k->detection], k);
     for (int a = 0; a < 3; a++)
@@ -483,6 +504,7 @@ int tracker_step(struct tracker *t, const struct track_scan *scan)
             continue_track(t, scan, i, whose, fresh);
     }
     track_body_merge(t);
+    track_join_walkers(t, fresh);
     if (scan->standing_left)
         track_absorb(t);
     end_tracks(t, scan->stamp_ns);

@@ -35,7 +35,10 @@
  * a walker has two (recon/tracking/track_models.h): of walkers of another simulator they
  * took the error of places from 10 to 8 cm, of two who cross from 16 to 11, and of those
  * who are lost in front of an opening from 35 to 23, where one model had to choose
- * between the wobble of each step and a lag when somebody stops.
+ * between the wobble of each step and a lag when somebody stops.  What is heard of a
+ * walker much fainter than he was is believed less: behind an edge, or off the end of a
+ * wall, a part of him is heard for a moment longer, and stays where the edge is.  Two
+ * walkers who go as one within join_m for a while are one who was heard twice.
  */
 #ifndef ANLOS_RECON_TRACKING_TRACK_H
 #define ANLOS_RECON_TRACKING_TRACK_H

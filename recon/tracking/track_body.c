@@ -6,8 +6,7 @@
 
 #include "recon/tracking/track_state.h"
 
-#define LONGEST_M 6.0  /* a body is no longer, nor wider than half of that */
-#define SAME_GATE 9.21 /* 99 of 100 velocities that are the same (chi-squared, 2) */
+#define LONGEST_M 6.0 /* a body is no longer, nor wider than half of that */
 #define RECENT_S  0.5
 #define KEPT_S    1.5  /* a part that is not seen any more */
 #define SLIP_M    0.05 /* a bright spot wanders about on its part */
@@ -184,17 +183,7 @@ void track_body_update(struct tracker *t, const struct track_scan *scan,
 
 static bool go_together(const struct track *a, const struct track *b)
 {
-    double dv[2], c[2][2];
-
-    if (!track_outline_is_fast(a) || !track_outline_is_fast(b))
-        return false;
-    for (int i = 0; i < 2; i++) {
-        dv[i] = a->filter.state[2 + i] - b->filter.state[2 + i];
-        for (int j = 0; j < 2; j++)
-            c[i][j] = a->filter.covariance[2 + i][2 + j] +
-                      b->filter.covariance[2 + i][2 + j];
-    }
-    return track_filter_distance2(dv, (const double(*)[2])c) < SAME_GATE;
+    return track_outline_is_fast(a) && track_outline_is_fast(b) && track_go_alike(a, b);
 }
 
 /* Is b beside what is known of a? */

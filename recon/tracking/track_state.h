@@ -29,6 +29,7 @@ struct track {
     double missed;             /* looks, since it was seen */
     int64_t moves_ns;          /* when it was last seen to move by itself; 0: never */
     double extent_m[3], power; /* of its strongest detections, lately */
+    double usual;              /* the same, over USUAL_LOOKS */
     double height_m2[2][2];    /* by the height that is assumed, over ground */
     struct track_body body;
     struct track_outline outline;
@@ -36,6 +37,7 @@ struct track {
     bool placed;                /* it was measured by way of it */
     double waited;              /* for that: looks in which no mirror showed it */
     bool merged;                /* into another one */
+    double as_one;              /* looks, that it has gone with an older one as one */
     size_t detection;
 };
 
@@ -89,6 +91,12 @@ void track_associate(struct tracker *t, const struct track_scan *scan, size_t *m
 /* What is nearer than join_m to a named track's place is not told beside it: of a thing
  * that stood there, which what passes by has taken along, it would become a double. */
 void track_absorb(struct tracker *t);
+
+/* Are their velocities the same, as far as these are known? */
+bool track_go_alike(const struct track *a, const struct track *b);
+
+/* Who walks within join_m of another one for a while, as he does, is heard twice. */
+void track_join_walkers(struct tracker *t, double fresh);
 
 /* The detections of one owner as one: its middle, with their scatter; *detection is the
  * strongest. */

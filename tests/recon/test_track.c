@@ -260,6 +260,39 @@ static void who_walks_on_unseen_is_told_as_sure_as_he_is_near(void **state)
     assert_below(r->reports[0].existence, 0.85);
 }
 
+/* He walks for 4 s; then what is heard of him stays where he was for half a second, with
+ * this power at its end.  How far he is told to have come since, of the 0.65 m that he
+ * would have gone. */
+static double told_way_m(struct rig *r, double last_power)
+{
+    const double dt_s = 1e-9 * (double)PING_NS;
+    double edge_m = -2.0 + 1.3 * 165 * dt_s;
+
+    r->scan.fresh = 0.125;
+    for (int k = 0; k <= 186; k++) {
+        double part = k > 165 ? (k - 165) / 21.0 : 0.0;
+        see(r, 4.0, fmin(-2.0 + 1.3 * k * dt_s, edge_m), 0.05)->power =
+            pow(last_power, part);
+        step_after(r, PING_NS);
+    }
+    assert_int_equal(r->n, 1);
+    return r->reports[0].position_m[1] - edge_m;
+}
+
+static void who_fades_behind_an_edge_has_gone_on(void **state)
+{
+    double way_m = told_way_m(*state, 0.003);
+
+    assert_in_range(1e3 * way_m, 500, 750);
+}
+
+static void who_stops_is_told_to_have_stopped(void **state)
+{
+    double way_m = told_way_m(*state, 1.0);
+
+    assert_below(way_m, 0.25);
+}
+
 /* One proven ping by ping, at (x, y). */
 static void see_proven(struct rig *r, double x, double y, double proven)
 {
@@ -360,6 +393,26 @@ static void who_walks_beside_it_is_told_too(void **state)
         step(r);
     }
     assert_int_equal(r->n, 2);
+}
+
+/* Told as two, until they have gone as one for a while: the arm was taken for somebody.
+ */
+static void two_who_go_as_one_become_one(void **state)
+{
+    struct rig *r = *state;
+
+    for (int k = 0; k < 20; k++) {
+        double y = -2.0 + 1.0 * 0.25 * k;
+        see(r, 2.0, y, 0.03);
+        if (k >= 6)
+            see(r, k < 10 ? 2.7 : 2.4, y, 0.1);
+        step(r);
+        if (k >= 8 && k < 12) /* two looks at most */
+            assert_int_equal(r->n, 2);
+        if (k >= 16) /* five at least */
+            assert_int_equal(r->n, 1);
+    }
+    report_of(r, 1);
 }
 
 /* While they are one in the image, one of them coasts, and both go on as they came. */
@@ -1076,6 +1129,8 @@ int main(void)
         TEST(standing_and_moving_are_told_apart),
         TEST(a_walker_is_as_far_off_as_his_covariance_says),
         TEST(who_walks_on_unseen_is_told_as_sure_as_he_is_near),
+        TEST(who_fades_behind_an_edge_has_gone_on),
+        TEST(who_stops_is_told_to_have_stopped),
         TEST(who_is_proven_ping_by_ping_is_told_at_once),
         TEST(what_echoes_behind_who_has_passed_is_not_told_at_once),
         TEST(who_comes_beside_him_is),
@@ -1084,6 +1139,7 @@ int main(void)
         TEST(what_stood_beside_its_way_becomes_no_double),
         TEST(who_walks_beside_it_is_told_too),
         TEST(two_that_merge_and_part_stay_two),
+        TEST(two_who_go_as_one_become_one),
         TEST(what_is_told_of_something_fast_is_its_middle),
         TEST(an_extended_object_is_one_track_in_its_middle),
         TEST(clutter_makes_as_many_false_tracks_as_m_of_n_says),
