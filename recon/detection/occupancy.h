@@ -17,8 +17,8 @@
  *
  * Noise of a block is gamma distributed about the median of what is as far away, of a
  * shape that is learnt from the rarest five hundredth; what a background always leaves at
- * a place is learnt, too (dsp/cfar_map.h).  What has come is as noise of more power, 6 to
- * 25 dB, and heard by two pings of five. */
+ * a place is learnt, too (dsp/cfar_map.h).  What has come is as noise of more power, by
+ * 4, 12, 36, 108 or 324 times that (6 to 25 dB), and heard by two pings of five. */
 #ifndef ANLOS_RECON_DETECTION_OCCUPANCY_H
 #define ANLOS_RECON_DETECTION_OCCUPANCY_H
 

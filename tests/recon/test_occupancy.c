@@ -18,6 +18,7 @@ static const struct sidelobe_array array = {.half_m = {0.5, 0, 0}, .gate_m = 6.0
 
 struct rig {
     struct occupancy *o;
+    int looks;
     unsigned long long seed;
     int64_t stamp_ns;
     float power[BLOCKS];
@@ -30,6 +31,7 @@ static int setup(void **state)
     if (!r || occupancy_create(&r->o, &blocks, &array))
         return -1;
     r->seed = 20261126;
+    r->looks = LOOKS;
     *state = r;
     return 0;
 }
@@ -43,14 +45,24 @@ static int teardown(void **state)
     return 0;
 }
 
-/* Gamma distributed of shape LOOKS and mean 1: a mean of that many exponential powers. */
+/* Gamma distributed of shape looks and mean 1: a mean of that many exponential powers. */
 static float noise(struct rig *r)
 {
     double sum = 0.0;
 
-    for (int k = 0; k < LOOKS; k++)
+    for (int k = 0; k < r->looks; k++)
         sum -= log(1.0 - reference_random(&r->seed));
-    return (float)(sum / LOOKS);
+    return (float)(sum / r->looks);
+}
+
+static double x_of(int block)
+{
+    return blocks.origin_m[0] + blocks.step_m[0] * (block % NX);
+}
+
+static double z_of(int block)
+{
+    return blocks.origin_m[2] + blocks.step_m[2] * (double)(block / NX);
 }
 
 static void noise_image(struct rig *r)
@@ -59,16 +71,27 @@ static void noise_image(struct rig *r)
         r->power[i] = noise(r);
 }
 
+static void flat_image(struct rig *r)
+{
+    for (int i = 0; i < BLOCKS; i++)
+        r->power[i] = 1.0f;
+}
+
+/* What is no nearer than from_m. */
+static void scale_from(struct rig *r, double from_m, float times)
+{
+    for (int i = 0; i < BLOCKS; i++)
+        if (hypot(x_of(i), z_of(i)) >= from_m)
+            r->power[i] *= times;
+}
+
 /* Scales what is within 12 cm, as an echo in noise does, which is as noise of more power.
  */
 static void show(struct rig *r, double x_m, double z_m, float times)
 {
-    for (int i = 0; i < BLOCKS; i++) {
-        double x = blocks.origin_m[0] + blocks.step_m[0] * (i % NX);
-        double z = blocks.origin_m[2] + blocks.step_m[2] * (double)(i / NX);
-        if (hypot(x - x_m, z - z_m) < 0.12)
+    for (int i = 0; i < BLOCKS; i++)
+        if (hypot(x_of(i) - x_m, z_of(i) - z_m) < 0.12)
             r->power[i] *= times;
-    }
 }
 
 static void step(struct rig *r)
@@ -92,23 +115,162 @@ static double at(const struct rig *r, double x_m, double z_m)
     return occupancy_near(r->o, (const double[3]){x_m, 0, z_m}, 0.5);
 }
 
+static size_t count_spots(const struct rig *r)
+{
+    struct occupancy_spot spots[4];
+
+    return occupancy_spots(r->o, SURE, 1.0, spots, 4);
+}
+
+/* anything: in each ping one block, another each time, is a hundred times as bright. */
+static int count_sightings(struct rig *r, int pings, bool anything)
+{
+    int sightings = 0;
+    bool before = false;
+
+    for (int k = 0; k < pings; k++) {
+        noise_image(r);
+        if (anything)
+            r->power[(int)(BLOCKS * reference_random(&r->seed))] = 100.0f;
+        step(r);
+        occupancy_learn(r->o, NULL, 0, 0.0);
+        bool now = count_spots(r) > 0;
+        sightings += now && !before;
+        before = now;
+    }
+    return sightings;
+}
+
 /* One comes in ten seconds, as far as it knows, and one of twenty that it is sure of is
  * none: in five minutes one or two. */
 static void noise_seldom_looks_like_somebody(void **state)
 {
     struct rig *r = *state;
-    struct occupancy_spot spots[4];
-    int taken_for_somebody = 0;
-    bool before = false;
 
     hear_noise(r, 100);
-    for (int k = 0; k < 12500; k++) {
-        hear_noise(r, 1);
-        bool now = occupancy_spots(r->o, SURE, 1.0, spots, 4) > 0;
-        taken_for_somebody += now && !before;
-        before = now;
+    assert_true(count_sightings(r, 12500, false) <= 3);
+}
+
+/* As of a single frequency, whose powers are spread most, whether or not a block may be
+ * anything: a quarter of a sighting is to be expected in the fifty seconds of both. */
+static void nor_does_noise_of_another_distribution(void **state)
+{
+    struct rig *r = *state;
+
+    r->looks = 1;
+    assert_true(count_sightings(r, 1000, false) + count_sightings(r, 1000, true) <= 2);
+}
+
+/* Exponential powers, as noise's are taken to be until more is known: those of 1 + s
+ * times the mean against it, for each s that the header lists. */
+static double likelihood_ratio(double over_median)
+{
+    double x = over_median * log(2.0), sum = 0.0;
+
+    for (double s = 4.0; s < 325.0; s *= 3.0)
+        sum += exp(-x / (1.0 + s)) / (1.0 + s) / exp(-x) / 5.0;
+    return 0.6 + 0.4 * sum;
+}
+
+static double odds_of_one(struct rig *r, float over_median)
+{
+    const int block = BLOCKS / 2 + NX / 2;
+    const double at_m[3] = {x_of(block), 0.0, z_of(block)};
+
+    occupancy_reset(r->o);
+    flat_image(r);
+    step(r);
+    r->power[block] = over_median;
+    step(r);
+    double p = occupancy_near(r->o, at_m, 0.01);
+    return p / (1.0 - p);
+}
+
+static void odds_grow_by_the_likelihood_ratio(void **state)
+{
+    struct rig *r = *state;
+    static const float powers[] = {0.01f, 0.5f, 2.0f, 4.0f, 8.0f, 11.0f};
+    double one = odds_of_one(r, 1.0f);
+
+    for (size_t q = 0; q < sizeof powers / sizeof *powers; q++) {
+        double expected = likelihood_ratio((double)powers[q]) / likelihood_ratio(1.0);
+        assert_near(odds_of_one(r, powers[q]) / one / expected, 1.0, 1e-4);
     }
-    assert_true(taken_for_somebody <= 3);
+}
+
+/* In any unit of power. */
+static void how_loud_all_of_it_is_does_not_matter(void **state)
+{
+    struct rig *r = *state;
+    static const float units[] = {1.0f, 0x1p-30f, 0x1p30f};
+    double seen[3];
+
+    for (int u = 0; u < 3; u++) {
+        occupancy_destroy(r->o);
+        r->o = NULL;
+        assert_int_equal(occupancy_create(&r->o, &blocks, &array), 0);
+        r->seed = 1;
+        for (int k = 0; k < 20; k++) {
+            noise_image(r);
+            show(r, 0.8, 3.3, k < 10 ? 1.0f : 12.0f);
+            scale_from(r, 0.0, units[u]);
+            step(r);
+        }
+        seen[u] = at(r, 0.8, 3.3);
+        assert_true(seen[u] > SURE);
+        assert_true(seen[u] == seen[0]);
+    }
+}
+
+/* A third of the ranges a hundred times as loud as the rest. */
+static void noise_is_what_is_as_far_away(void **state)
+{
+    struct rig *r = *state;
+
+    for (int k = 0; k < 420; k++) {
+        noise_image(r);
+        if (k >= 400)
+            show(r, 0.8, 3.9, 30.0f);
+        scale_from(r, 3.2, 0.01f);
+        scale_from(r, 0.0, 100.0f);
+        step(r);
+        if (k < 400)
+            assert_int_equal(count_spots(r), 0);
+    }
+    assert_true(at(r, 0.8, 3.9) > SURE);
+    assert_int_equal(count_spots(r), 1);
+}
+
+/* Two fifths of the ranges are not: what is no brighter there than noise elsewhere. */
+static void nobody_stands_out_of_what_is_hardly_heard(void **state)
+{
+    struct rig *r = *state;
+
+    for (int k = 0; k < 40; k++) {
+        flat_image(r);
+        scale_from(r, 3.84, 0.05f);
+        show(r, 0.0, 4.0, 1.5f / 0.05f);
+        step(r);
+    }
+    assert_true(at(r, 0.0, 4.0) < 0.05);
+}
+
+/* Nine blocks are as far away, of which the last five are loud, and so noise is.  With
+ * the first of the next nine it would not be. */
+static void noise_of_a_range_is_that_of_its_own_blocks(void **state)
+{
+    static const struct grid rows = {{0.0, 0.0, 2.02}, {0.01, 0.1, 0.08}, {9, 1, 10}};
+    float power[90];
+    struct occupancy *o;
+    (void)state;
+
+    for (int i = 0; i < 90; i++)
+        power[i] = i % 9 < 4 ? 1.0f : 16.0f;
+    assert_int_equal(occupancy_create(&o, &rows, &array), 0);
+    for (int k = 0; k < 20; k++)
+        occupancy_step(o, power, k * PING_NS);
+    assert_true(occupancy_near(o, (const double[3]){0.06, 0.0, 2.34}, 0.5) < 0.05);
+    occupancy_destroy(o);
 }
 
 /* By three pings of sixteen, as of an array of which most stands behind a corner. */
@@ -131,6 +293,32 @@ static void who_is_heard_by_few_pings_is_seen_within_two_rounds(void **state)
     assert_near(spots[0].at_m[0], 0.8, 0.12);
     assert_near(spots[0].at_m[2], 3.3, 0.12);
     assert_true(spots[0].probability >= SURE && spots[0].probability < 1.0);
+}
+
+/* One is as soon known as if nobody were one and a half metres away: odds add. */
+static void who_comes_near_another_is_himself(void **state)
+{
+    struct rig *r = *state;
+    double alone[26];
+
+    for (int both = 0; both < 2; both++) {
+        occupancy_reset(r->o);
+        for (int k = 0; k < 26; k++) {
+            flat_image(r);
+            if (both)
+                show(r, -0.6, 2.5, 30.0f);
+            if (k >= 20)
+                show(r, 0.6, 3.46, 30.0f);
+            step(r);
+            double p = at(r, 0.6, 3.46);
+            if (!both)
+                alone[k] = p;
+            else if (alone[k] > 0.5)
+                assert_true(p > 0.999 * alone[k]);
+        }
+    }
+    assert_true(alone[19] < 0.01 && alone[25] > 0.999);
+    assert_int_equal(count_spots(r), 2);
 }
 
 static void who_walks_stays_seen_and_leaves_nobody_behind(void **state)
@@ -171,7 +359,7 @@ static void who_is_not_heard_any_more_is_forgotten(void **state)
 static void what_is_always_there_is_nobody_new(void **state)
 {
     struct rig *r = *state;
-    const double held[1][3] = {{1.5, 0, 3.5}};
+    const double held[2][3] = {{0.0, 0, 3.9}, {1.5, 0, 3.5}};
 
     hear_noise(r, 400);
     for (int k = 0; k < 1500; k++) {
@@ -179,7 +367,7 @@ static void what_is_always_there_is_nobody_new(void **state)
         show(r, -1.0, 3.2, 6.0f);
         show(r, 1.5, 3.5, 6.0f);
         step(r);
-        occupancy_learn(r->o, held, 1, 0.6);
+        occupancy_learn(r->o, held, 2, 0.6);
     }
     assert_true(at(r, -1.0, 3.2) < 0.2);
     assert_true(at(r, 1.5, 3.5) > SURE); /* that one was known to be somebody */
@@ -215,8 +403,7 @@ static void it_knows_how_bright_it_was_there_lately(void **state)
 
     hear_noise(r, 400);
     for (int k = 0; k < 42; k++) {
-        for (int i = 0; i < BLOCKS; i++)
-            r->power[i] = 1.0f;
+        flat_image(r);
         show(r, at_m[0], at_m[2], 100.0f);
         step(r);
     }
@@ -236,8 +423,7 @@ static void one_ping_alone_is_not_what_is_there(void **state)
 
     hear_noise(r, 400);
     for (int k = 0; k < 2000; k++) {
-        for (int i = 0; i < BLOCKS; i++)
-            r->power[i] = 1.0f;
+        flat_image(r);
         if (k == 1999)
             show(r, at_m[0], at_m[2], 100.0f);
         step(r);
@@ -266,6 +452,20 @@ static void what_is_not_newer_restarts_it(void **state)
     }
 }
 
+static void a_gap_of_a_second_is_none_and_a_longer_one_restarts_it(void **state)
+{
+    struct rig *r = *state;
+    static const int64_t gaps_ns[] = {500000000LL, 1000000000LL, 1100000000LL};
+
+    for (size_t i = 0; i < sizeof gaps_ns / sizeof *gaps_ns; i++) {
+        hear_noise(r, 50);
+        r->stamp_ns += gaps_ns[i] - PING_NS;
+        hear_noise(r, 1);
+        double lately = occupancy_lately(r->o, (const double[3]){0.0, 0.0, 3.0}, 0.2);
+        assert_true(gaps_ns[i] > 1000000000LL ? lately == 0.0 : lately > 0.0);
+    }
+}
+
 /* Beyond the gate, or all of it. */
 static void what_was_not_imaged_tells_nothing(void **state)
 {
@@ -282,6 +482,22 @@ static void what_was_not_imaged_tells_nothing(void **state)
     memset(r->power, 0, sizeof r->power);
     step(r);
     assert_true(at(r, 0.0, 3.8) < 0.2);
+}
+
+/* Not in the middle between two who are nearer to each other than that. */
+static void a_place_is_that_of_what_is_within_half_the_distance(void **state)
+{
+    struct rig *r = *state;
+    struct occupancy_spot spots[3];
+
+    for (int k = 0; k < 20; k++) {
+        flat_image(r);
+        show(r, -0.32, 3.1, 30.0f);
+        show(r, 0.32, 3.1, 29.0f);
+        step(r);
+    }
+    assert_int_equal(occupancy_spots(r->o, SURE, 1.0, spots, 3), 1);
+    assert_near(fabs(spots[0].at_m[0]), 0.32, 0.08);
 }
 
 static void most_likely_comes_first_and_no_more_than_asked_for(void **state)
@@ -312,6 +528,13 @@ int main(void)
 #define TEST(f) cmocka_unit_test_setup_teardown(f, setup, teardown)
     const struct CMUnitTest tests[] = {
         TEST(noise_seldom_looks_like_somebody),
+        TEST(nor_does_noise_of_another_distribution),
+        TEST(odds_grow_by_the_likelihood_ratio),
+        TEST(how_loud_all_of_it_is_does_not_matter),
+        TEST(noise_is_what_is_as_far_away),
+        TEST(nobody_stands_out_of_what_is_hardly_heard),
+        TEST(noise_of_a_range_is_that_of_its_own_blocks),
+        TEST(who_comes_near_another_is_himself),
         TEST(who_is_heard_by_few_pings_is_seen_within_two_rounds),
         TEST(who_walks_stays_seen_and_leaves_nobody_behind),
         TEST(who_is_not_heard_any_more_is_forgotten),
@@ -320,7 +543,9 @@ int main(void)
         TEST(it_knows_how_bright_it_was_there_lately),
         TEST(one_ping_alone_is_not_what_is_there),
         TEST(what_is_not_newer_restarts_it),
+        TEST(a_gap_of_a_second_is_none_and_a_longer_one_restarts_it),
         TEST(what_was_not_imaged_tells_nothing),
+        TEST(a_place_is_that_of_what_is_within_half_the_distance),
         TEST(most_likely_comes_first_and_no_more_than_asked_for),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
