@@ -846,6 +846,72 @@ static void a_fit_is_given_room_on_the_side_where_there_is_some(void **state)
     }
 }
 
+/* How deep that is does not limit it sideways. */
+static void a_fit_is_given_room_beside_a_volume_as_deep_as_what_is_heard(void **state)
+{
+    (void)state;
+    static const char *const fits[2] = {"iterative", "sparse"};
+
+    for (int q = 0; q < 8; q++) {
+        struct scatterer point = {{0.0, 0.0, 1.1}, 1.0};
+        struct rig r;
+        outside_rig(&r, fits[q / 4]);
+        point.at_m[q / 2 % 2] += (q % 2 ? 1.0 : -1.0) * (0.16 + 0.03);
+        r.gate_m[0] = r.grid.origin_m[2] - 0.005;
+        rig_listen(&r, 0.7, 1.1 + 0.16 + 0.005);
+        expect_true(&r, fits[q / 4], &point, true);
+    }
+}
+
+/* Two voxels before a column and three behind it, which it then images as a column of all
+ * that is heard does. */
+static void a_fit_is_given_the_depths_that_are_heard_and_no_more(void **state)
+{
+    (void)state;
+    const struct scatterer point = {{0.0, 0.0, 1.1}, 1.0};
+    float *image[2];
+    struct rig r;
+
+    for (int all = 0; all < 2; all++) {
+        rig_default(&r);
+        rig_look_at(&r, 0.0, 0.0, 1.1, 1, 0.005);
+        r.grid.n[2] = all ? 22 : 17;
+        r.grid.origin_m[2] = all ? 1.05 : 1.06;
+        r.gate_m[0] = 1.06 - 0.0125;
+        rig_listen(&r, 0.7, 1.14 + 0.0175);
+        image[all] = rig_image(&r, "iterative", &point, 1, 1);
+    }
+    r.grid.n[2] = 17;
+    assert_below(rig_difference(&r, image[0], image[1] + 2), 1e-5);
+    free(image[0]);
+    free(image[1]);
+}
+
+/* Its fit has no place outside: what is within half a width is more than -6 dB of a point
+ * in the section. */
+static void a_section_shows_what_stands_beside_it(void **state)
+{
+    (void)state;
+
+    for (int axis = 0; axis < 2; axis++) {
+        struct scatterer point = {{0.0, 0.0, 1.1}, 1.0};
+        double peak[2], width_m[3];
+        for (int beside = 0; beside < 2; beside++) {
+            struct peak_fit fit;
+            struct rig r;
+            rig_default(&r);
+            geometry_resolution(&r.geometry, r.band_hz, 1.1, width_m);
+            point.at_m[axis] = beside ? 0.3 * width_m[axis] : 0.0;
+            r.grid.n[axis] = 1;
+            r.grid.origin_m[axis] = 0.0;
+            float *image = rig_image(&r, "sparse", &point, 1, 1);
+            peak[beside] = (double)rig_peak(&r, image, &fit);
+            free(image);
+        }
+        assert_true(peak[1] > 0.25 * peak[0]);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -854,6 +920,9 @@ int main(void)
         cmocka_unit_test(what_stands_in_the_middle_is_known),
         cmocka_unit_test(a_fit_of_a_thin_volume_is_told_what_stands_beside_it),
         cmocka_unit_test(a_fit_is_given_room_on_the_side_where_there_is_some),
+        cmocka_unit_test(a_fit_is_given_room_beside_a_volume_as_deep_as_what_is_heard),
+        cmocka_unit_test(a_fit_is_given_the_depths_that_are_heard_and_no_more),
+        cmocka_unit_test(a_section_shows_what_stands_beside_it),
         cmocka_unit_test(another_method_is_refused),
         cmocka_unit_test(nothing_added_and_silence_added_show_nothing),
         cmocka_unit_test(a_ping_added_twice_counts_once),
