@@ -394,6 +394,45 @@ static void what_looks_like_somebody_else_is_nobody(void **state)
     assert_true(at(r, 0.0, 3.0) > SURE);
 }
 
+/* By a metre, for no element of an array of one: what it hears from there is off by half
+ * of the difference of the directions, 20 cm, and a person's depth. */
+static void nobody_looks_like_him_at_another_range(void **state)
+{
+    struct rig *r = *state;
+
+    for (int k = 0; k < 20; k++) {
+        flat_image(r);
+        show(r, -0.6, 2.5, 1000.0f);
+        show(r, 0.6, 3.46, 16.0f);
+        step(r);
+    }
+    assert_int_equal(count_spots(r), 2);
+    assert_true(at(r, 0.6, 3.46) > SURE);
+}
+
+/* One a third as bright is as far away for some elements only, of which the others cancel
+ * the most; but not if these hear nothing from where the brighter one is. */
+static void what_some_elements_hear_there_is_cancelled_by_all_others(void **state)
+{
+    struct rig *r = *state;
+
+    for (int all_hear = 0; all_hear < 2; all_hear++) {
+        struct sidelobe_array deep = {.half_m = {0.5, 0.1, 0.1}};
+        deep.gate_m = all_hear ? 6.0 : 3.2;
+        occupancy_destroy(r->o);
+        r->o = NULL;
+        assert_int_equal(occupancy_create(&r->o, &blocks, &deep), 0);
+        for (int k = 0; k < 20; k++) {
+            flat_image(r);
+            show(r, -0.8, 3.0, 1000.0f);
+            show(r, 0.8, 2.6, 300.0f);
+            step(r);
+        }
+        assert_true(at(r, -0.8, 3.0) > SURE);
+        assert_true(all_hear ? at(r, 0.8, 2.6) > SURE : at(r, 0.8, 2.6) < 0.05);
+    }
+}
+
 /* The mean of ten seconds, or of all since it began, over what is there now: of who
  * passed within a second a tenth of his own power. */
 static void it_knows_how_bright_it_was_there_lately(void **state)
@@ -540,6 +579,8 @@ int main(void)
         TEST(who_is_not_heard_any_more_is_forgotten),
         TEST(what_is_always_there_is_nobody_new),
         TEST(what_looks_like_somebody_else_is_nobody),
+        TEST(nobody_looks_like_him_at_another_range),
+        TEST(what_some_elements_hear_there_is_cancelled_by_all_others),
         TEST(it_knows_how_bright_it_was_there_lately),
         TEST(one_ping_alone_is_not_what_is_there),
         TEST(what_is_not_newer_restarts_it),
