@@ -123,6 +123,7 @@ void volume_to_message(const struct volume *v, struct volume_view *view, Anlos__
     m->step_m = set_vec3(&view->step, g->step_m);
     m->method = (char *)(uintptr_t)v->method; /* packing only reads */
     m->pings_used = (uint32_t)v->pings_used;
+    m->age_s = v->age_s;
     m->pings_expected = (uint32_t)v->pings_expected;
     m->pings_blanked = (uint32_t)v->pings_blanked;
     m->microphones_masked = (uint32_t)v->microphones_masked;
@@ -210,6 +211,7 @@ void volume_from_message(struct volume *v, const Anlos__Volume *m, int64_t captu
                          .sound_speed_m_s = m->sound_speed_m_s,
                          .preview = m->preview,
                          .pings_used = m->pings_used,
+                         .age_s = m->age_s,
                          .pings_expected = m->pings_expected,
                          .pings_blanked = m->pings_blanked,
                          .microphones_masked = m->microphones_masked,

@@ -26,6 +26,8 @@ struct volume {
     double sound_speed_m_s;
     bool preview; /* more pings of this scan are to come */
     size_t pings_used, pings_expected;
+    double age_s; /* of those used in the mean, before the newest; 0: one after the other,
+                     as the survey fires them */
     size_t pings_blanked;      /* of those expected: a sound from outside drowned them */
     size_t microphones_masked; /* in any of them */
     uint64_t clipped_samples;

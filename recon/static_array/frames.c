@@ -239,6 +239,7 @@ static void choose(struct frames *f, const struct frames_motion *motion,
                    struct frames_made *made)
 {
     const struct held *newest = &f->held[f->newest];
+    int64_t ages_ns = 0;
     made->stamp_ns = newest->any ? newest->stamp_ns : 0;
     for (size_t k = 0; k < f->cfg.n_pings; k++) {
         struct held *h = &f->held[k];
@@ -247,9 +248,11 @@ static void choose(struct frames *f, const struct frames_motion *motion,
         if (!h->counts)
             continue;
         made->pings++;
+        ages_ns += made->stamp_ns - h->stamp_ns;
         made->unknown += !frames_places(&f->cfg, motion, h->speaker, h->down, h->stamp_ns,
                                         made->stamp_ns, h->places);
     }
+    made->age_s = made->pings ? 1e-9 * (double)ages_ns / (double)made->pings : 0.0;
 }
 
 static size_t count_masked(const struct frames *f)

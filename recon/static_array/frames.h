@@ -79,6 +79,7 @@ struct frames_made { /* what an image was made of */
     int64_t
         stamp_ns; /* of the newest ping: the array stands in the image as it did then */
     size_t pings;
+    double age_s;              /* of these in the mean, before the newest */
     size_t microphones_masked; /* in any of them */
     size_t unknown;            /* pings taken as if the vehicle stood: the path ends */
     size_t kept;               /* pings whose part of the last image still served */

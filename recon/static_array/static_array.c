@@ -313,6 +313,7 @@ void static_array_image(struct static_array *s, struct volume *out)
     if (!out->standing_left)
         out->newest = frames_newest(s->frames, &out->blocks);
     out->pings_used = s->made.pings;
+    out->age_s = s->made.age_s;
     out->pings_expected = s->n_pings;
     out->microphones_masked = s->made.microphones_masked;
     for (size_t k = 0; k < s->n_pings; k++)

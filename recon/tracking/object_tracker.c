@@ -264,7 +264,7 @@ int object_tracker_walls(struct object_tracker *t, const struct walls *walls,
 static void place_array(const struct object_tracker *t, const struct sight *sight,
                         const struct volume *volume, struct track_array *out)
 {
-    double age_s = timing_age_s(&t->detector.survey, volume->pings_used);
+    double age_s = timing_age_s(&t->detector.survey, volume);
     struct ego_step step;
     double at_m[3], axis[3] = {sight->axes[0][0], sight->axes[1][0], sight->axes[2][0]};
 
@@ -322,8 +322,8 @@ static void take_detection(const struct object_tracker *t, const struct sight *s
         out->covariance_m2[i] = o->place.covariance_m2[i] - wall_m2[i];
     for (int i = 0; i < 6; i += i ? 2 : 3)
         out->covariance_m2[i] = fmax(out->covariance_m2[i], 0.0);
-    out->lag_s = timing_lag_s(&t->detector.survey, volume->pings_used,
-                              hypot(hypot(v[0], v[1]), v[2]));
+    out->lag_s =
+        timing_lag_s(&t->detector.survey, volume, hypot(hypot(v[0], v[1]), v[2]));
     hear(sight, array, v, out);
     const double way_m[3] = {o->middle_m[0] - v[0], o->middle_m[1] - v[1],
                              o->middle_m[2] - v[2]};
@@ -431,24 +431,23 @@ static int follow(struct object_tracker *t, const struct volume *volume,
 {
     int64_t capture_ns = volume->capture_ns;
     double dt_s = 1e-9 * (double)(capture_ns - t->stamp_ns);
-    struct track_scan scan = {.stamp_ns = capture_ns,
-                              .detections = t->detections,
-                              .fresh = t->stamp_ns && dt_s > 0.0
-                                           ? timing_fresh(&t->detector.survey,
-                                                          volume->pings_used, dt_s,
-                                                          t->cfg.look_s)
-                                           : 1.0,
-                              .clutter_m2 = t->cfg.clutter / floor_m2(sight->grid),
-                              .standing_left = shows_standing(t, volume),
-                              .settling = t->detector.settling,
-                              .ego_known = true,
-                              .stands_before = sight_stands_before,
-                              .shows = sight_shows,
-                              .context = sight};
+    struct track_scan scan = {
+        .stamp_ns = capture_ns,
+        .detections = t->detections,
+        .fresh = t->stamp_ns && dt_s > 0.0
+                     ? timing_fresh(&t->detector.survey, volume, dt_s, t->cfg.look_s)
+                     : 1.0,
+        .clutter_m2 = t->cfg.clutter / floor_m2(sight->grid),
+        .standing_left = shows_standing(t, volume),
+        .settling = t->detector.settling,
+        .ego_known = true,
+        .stands_before = sight_stands_before,
+        .shows = sight_shows,
+        .context = sight};
 
     if (t->stamp_ns && dt_s > 0.0)
         scan.ego_known = move_between(t, t->stamp_ns, capture_ns, &scan.ego);
-    double lag_s = timing_lag_s(&t->detector.survey, volume->pings_used, 0.0);
+    double lag_s = timing_lag_s(&t->detector.survey, volume, 0.0);
     place_tracks(t, sight, &scan.ego, fmax(dt_s, 0.0) + lag_s);
     place_array(t, sight, volume, &scan.array);
     scan.n_mirrors = sight_mirrors(sight, scan.mirrors);

@@ -116,6 +116,7 @@ static void a_volume_comes_back(void **state)
                              .sound_speed_m_s = 340.5,
                              .preview = true,
                              .pings_used = 15,
+                             .age_s = 0.21,
                              .pings_expected = 16,
                              .pings_blanked = 17,
                              .microphones_masked = 18,
@@ -151,6 +152,7 @@ static void a_volume_comes_back(void **state)
     assert_int_equal(back.source, SURVEY_SIMULATION);
     assert_true(back.sound_speed_m_s == 340.5 && back.preview);
     assert_int_equal(back.pings_used, 15);
+    assert_true(back.age_s == 0.21);
     assert_int_equal(back.pings_expected, 16);
     assert_int_equal(back.pings_blanked, 17);
     assert_int_equal(back.microphones_masked, 18);

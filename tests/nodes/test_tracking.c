@@ -574,8 +574,9 @@ static void an_array_reaches_from_element_to_element(void **state)
     survey_clear(&survey);
 }
 
-/* 16 pings of 24 ms began 180 ms before the stamp on average; a chirp of 20 ms up to
- * 20 kHz shows 22.2 ms after its start, up and down together its middle. */
+/* 16 pings of 24 ms began 180 ms before the stamp on average, or more when some of those
+ * between them were lost; a chirp of 20 ms up to 20 kHz shows 22.2 ms after its start, up
+ * and down together its middle. */
 static void images_tell_of_instants_of_their_own(void **state)
 {
     struct survey s = {.sample_rate_hz = 48000,
@@ -584,18 +585,28 @@ static void images_tell_of_instants_of_their_own(void **state)
                        .chirp_stop_hz = 20000,
                        .chirp_duration_s = 0.02,
                        .sound_speed_m_s = 340};
+    struct volume v = {.pings_used = 16};
 
     (void)state;
-    assert_near(timing_lag_s(&s, 16, 3.4), 0.02 * 20.0 / 18.0 + 0.01 - 0.18, 1e-9);
+    assert_near(timing_lag_s(&s, &v, 3.4), 0.02 * 20.0 / 18.0 + 0.01 - 0.18, 1e-9);
+    assert_near(timing_fresh(&s, &v, 0.024, 0.0), 1.0 / 16.0, 1e-9);
+    assert_near(timing_fresh(&s, &v, 0.5, 0.2), 1.0, 1e-9);
+    v.age_s = 0.372;
+    assert_near(timing_lag_s(&s, &v, 3.4), 0.02 * 20.0 / 18.0 + 0.01 - 0.372, 1e-9);
+    assert_near(timing_fresh(&s, &v, 0.048, 0.0), 1.0 / 16.0, 1e-9);
+    v.age_s = NAN;
+    assert_near(timing_age_s(&s, &v), 0.18, 1e-9);
+    v.age_s = 1e9;
+    assert_true(timing_age_s(&s, &v) < 10.0);
+    v = (struct volume){.pings_used = 1};
     s.chirp_alternates = true;
-    assert_near(timing_lag_s(&s, 1, 3.4), 0.01 + 0.01, 1e-9);
+    assert_near(timing_lag_s(&s, &v, 3.4), 0.01 + 0.01, 1e-9);
+    assert_near(timing_fresh(&s, &v, 0.024, 0.2), 0.12, 1e-9);
     s.n_speakers = 16;
     assert_near(timing_round_s(&s), 16 * 0.024, 1e-9);
-    assert_near(timing_fresh(&s, 16, 0.024, 0.0), 1.0 / 16.0, 1e-9);
-    assert_near(timing_fresh(&s, 16, 0.5, 0.2), 1.0, 1e-9);
-    assert_near(timing_fresh(&s, 1, 0.024, 0.2), 0.12, 1e-9);
+    v.pings_used = 16;
     s.together = 2;
-    assert_near(timing_fresh(&s, 16, 0.024, 0.0), 1.0 / 8.0, 1e-9);
+    assert_near(timing_fresh(&s, &v, 0.024, 0.0), 1.0 / 8.0, 1e-9);
 }
 
 /* The array's mirror image stands at z = 1.6, for the vehicle at (1.6, 0). */

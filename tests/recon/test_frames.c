@@ -436,6 +436,7 @@ static void pings_that_are_too_old_are_left_out(void **state)
     frames_image(f, NULL, image, &made);
     assert_int_equal(made.pings, 2);
     assert_int_equal(made.stamp_ns, 72000000);
+    assert_true(fabs(made.age_s - 0.024) < 1e-9); /* one is 48 ms older, one is not */
     frames_destroy(f);
     still_stop(&s);
 }
