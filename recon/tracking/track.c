@@ -13,10 +13,10 @@
 #define STARTED          TRACKS_MAX /* owner of what a track begins with */
 #define NEWCOMER_M       1.5        /* from anybody who is known */
 #define FAINT            0.3        /* of the usual power: below it is doubted */
-#define USUAL_LOOKS      5.0
-#define WAKE_S           0.5  /* so long ago somebody was where he still echoes */
-#define MISSED_LOOKS     0.5  /* after more of them it may be something else */
-#define LONGEST_S        60.0 /* nothing is predicted farther */
+#define USUAL_LOOKS      5.0        /* that the usual is a mean of */
+#define WAKE_S           0.5        /* so long ago somebody was where he still echoes */
+#define MISSED_LOOKS     0.5        /* after more of them it may be something else */
+#define LONGEST_S        60.0       /* nothing is predicted farther */
 
 void track_config_default(struct track_config *cfg)
 {
@@ -196,10 +196,10 @@ static void update_filter(struct track *k, double power, double fresh,
 {
     bool walks = track_outline_may_walk(k);
 
-    if (walks)
+    if (walks) {
         memcpy(p->covariance_m2, p->walker_m2, sizeof p->covariance_m2);
-    if (walks)
         doubt_faint(k, power, fresh, p);
+    }
     if (walks && !k->models.begun)
         track_models_begin(&k->models, &k->filter);
     k->models.begun = walks || (k->models.begun && track_outline_is_slow(k));

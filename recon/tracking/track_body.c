@@ -230,10 +230,7 @@ static void take_over(struct track *k, struct track *other, double yaw)
             part->offset_m[a] += other->filter.state[a] - k->filter.state[a];
     }
     track_outline_update(k, yaw);
-    k->seen_ns = k->seen_ns > other->seen_ns ? k->seen_ns : other->seen_ns;
-    k->moves_ns = k->moves_ns > other->moves_ns ? k->moves_ns : other->moves_ns;
-    k->life.existence = fmax(k->life.existence, other->life.existence);
-    other->merged = true;
+    track_take_over(k, other);
 }
 
 /* And moves by itself: things at rest that glide along by the vehicle's motion do so

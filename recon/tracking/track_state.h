@@ -29,7 +29,7 @@ struct track {
     double missed;             /* looks, since it was seen */
     int64_t moves_ns;          /* when it was last seen to move by itself; 0: never */
     double extent_m[3], power; /* of its strongest detections, lately */
-    double usual;              /* the same, over USUAL_LOOKS */
+    double usual;              /* the same over more looks, while it walks; 0: not yet */
     double height_m2[2][2];    /* by the height that is assumed, over ground */
     struct track_body body;
     struct track_outline outline;
@@ -94,6 +94,10 @@ void track_absorb(struct tracker *t);
 
 /* Are their velocities the same, as far as these are known? */
 bool track_go_alike(const struct track *a, const struct track *b);
+
+/* The first one is as sure and as lately seen as the surer and later of both; the other
+ * ends. */
+void track_take_over(struct track *k, struct track *other);
 
 /* Who walks within join_m of another one for a while, as he does, is heard twice. */
 void track_join_walkers(struct tracker *t, double fresh);
