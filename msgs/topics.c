@@ -46,6 +46,7 @@ enum {
     ECHOES,
     EGO,
     AMBIENT,
+    PLACES,
     PROGRESS,
     SAVE,
     SAVE_STATUS,
@@ -95,6 +96,8 @@ static const struct topic topics[N_TOPICS + 1] = {
                        50, TOPIC_ALL, 256, 4 * KB, {"can", "vehicle"}},
     [AMBIENT]       = {"ambient", &anlos__ambient__descriptor,
                        1, TOPIC_LATEST, 1, 4 * KB, {"can", "vehicle"}},
+    [PLACES]        = {"array/places", &anlos__element_places__descriptor,
+                       0, TOPIC_LATEST, 1, 16 * KB, {"dsp"}},
     [PROGRESS]      = {"progress", &anlos__progress__descriptor,
                        0, TOPIC_ALL, 256, 4 * KB,
                        {"play", "dsp", "recon", "wall", "track", "can", "report"}},
@@ -241,6 +244,11 @@ const struct topic *topic_ego(void)
 const struct topic *topic_ambient(void)
 {
     return &topics[AMBIENT];
+}
+
+const struct topic *topic_places(void)
+{
+    return &topics[PLACES];
 }
 
 const struct topic *topic_progress(void)

@@ -57,6 +57,7 @@ const struct topic *topic_wall_given(void);
 const struct topic *topic_echoes(void);
 const struct topic *topic_ego(void);
 const struct topic *topic_ambient(void);
+const struct topic *topic_places(void);
 const struct topic *topic_progress(void); /* in a replay only */
 const struct topic *topic_save(void);     /* also of "hand", and "page": `anlos view` */
 const struct topic *topic_save_status(void); /* also of "recorder": `anlos bag record` */

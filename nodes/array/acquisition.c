@@ -12,6 +12,7 @@
 #include "msgs/tensor.h"
 #include "msgs/topics.h"
 #include "nodes/array/ambient.h"
+#include "nodes/array/places.h"
 #include "nodes/rt/stage_line.h"
 
 #define MAX_SHOTS        8
@@ -43,7 +44,10 @@ struct acquisition {
     struct node *node;
     struct array *array;
     Anlos__Survey *survey;
-    struct survey air; /* the array's survey, in the air as it is */
+    struct survey
+        air; /* the array's survey, in the air and of the elements as they are */
+    size_t corrections;  /* of places, since the start */
+    bool refused_places; /* the newest, and said so */
     struct ambient ambient;
     struct shot shots[MAX_SHOTS]; /* a ring; the first is the one under way */
     size_t first, n_shots;
@@ -150,6 +154,31 @@ static int check_command(const struct acquisition *s, const Anlos__FireCommand *
         if (c->speakers[i] >= s->survey->n_speakers_m)
             return error_say(why, -EINVAL, "fire %u: speaker %u of %zu", c->id,
                              c->speakers[i], s->survey->n_speakers_m);
+    return 0;
+}
+
+int acquisition_places(struct acquisition *s, const Anlos__ElementPlaces *said,
+                       struct error *why)
+{
+    struct survey now;
+
+    if (array_survey(s->array)->source == SURVEY_REPLAY || !acquisition_is_endless(s) ||
+        said->survey_id != s->survey->id)
+        return -ESTALE;
+    int err = survey_copy(&now, &s->air);
+    if (err)
+        return error_say(why, err, "%s", strerror(-err));
+    for (size_t i = 0; !err && i < said->n_moved; i++)
+        err = places_correct(&now, said->moved[i], why);
+    if (!err && (err = acquisition_take_survey(s, &now)))
+        error_say(why, err, "the survey does not work then: %s", strerror(-err));
+    if (err) {
+        survey_clear(&now);
+        return err;
+    }
+    survey_clear(&s->air);
+    s->air = now;
+    s->corrections += said->n_moved;
     return 0;
 }
 
@@ -423,6 +452,38 @@ static int take_ambient(void *self, const struct node_message *in)
     return 0;
 }
 
+static void say_places(struct acquisition *s, const Anlos__ElementPlaces *said)
+{
+    for (size_t i = 0; i < said->n_moved; i++) {
+        const Anlos__MovedElement *m = said->moved[i];
+        node_log(
+            s->node, LOG_LEVEL_WARNING,
+            "%s %u is taken to stand x %+.1f, y %+.1f, z %+.1f mm beside where it was "
+            "surveyed, from now on and until the next start; imaging restarts.  Put "
+            "it right, or run anlos calibrate array",
+            m->speaker ? "speaker" : "microphone", m->element, 1e3 * m->x_m, 1e3 * m->y_m,
+            1e3 * m->z_m);
+    }
+}
+
+/* Said once, of those that dsp says again and again. */
+static int take_places(void *self, const struct node_message *in)
+{
+    struct acquisition *s = self;
+    const Anlos__ElementPlaces *said = (const Anlos__ElementPlaces *)in->content;
+    struct error why = {""};
+    int err = acquisition_places(s, said, &why);
+
+    if (!err) {
+        say_places(s, said);
+        s->survey_due_ns = 0;
+    } else if (err != -ESTALE && !s->refused_places) {
+        node_log(s->node, LOG_LEVEL_WARNING, "places are not corrected: %s", why.text);
+    }
+    s->refused_places = err && err != -ESTALE;
+    return 0;
+}
+
 /* Hearing the scan's status proves that its commands will come through. */
 static int take_status(void *self, const struct node_message *in)
 {
@@ -471,6 +532,10 @@ static int look_at_device(void *self)
         node_state(s->node, ANLOS__HEALTH__STATE__STARTING, "%s", why.text);
     else if (acquisition_has_ended(s))
         node_state(s->node, ANLOS__HEALTH__STATE__READY, "the recording has ended");
+    else if (s->heard && s->corrections)
+        node_state(s->node, ANLOS__HEALTH__STATE__READY,
+                   "ready, places of elements corrected %zu time%s", s->corrections,
+                   s->corrections == 1 ? "" : "s");
     else if (s->heard)
         node_state(s->node, ANLOS__HEALTH__STATE__READY, "ready");
     else
@@ -523,6 +588,7 @@ static const struct loop_input inputs[] = {
     {.topic = topic_scan_status, .take = take_status},
     {.topic = topic_stage_state, .take = take_stage},
     {.topic = topic_ambient, .take = take_ambient},
+    {.topic = topic_places, .take = take_places},
     {.topic = NULL},
 };
 

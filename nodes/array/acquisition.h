@@ -27,6 +27,12 @@ const Anlos__Survey *acquisition_survey(const struct acquisition *s);
  * (it does not pack; the old one stays). */
 int acquisition_take_survey(struct acquisition *s, const struct survey *survey);
 
+/* Elements stand elsewhere, beside this survey: from now on another one has them there.
+ * 0, -ESTALE (of another survey, or of a recording or a scan, which are as they were
+ * surveyed), -EINVAL, -ENOMEM: the survey stays. */
+int acquisition_places(struct acquisition *s, const Anlos__ElementPlaces *said,
+                       struct error *why);
+
 /* Queues a shot.  One without end, or of a stage that does not stop, goes on until
  * another one is queued, or an endless one without speakers, which is none.  The scan
  * sends a command again until it hears of its pings: one with the id and sender's epoch

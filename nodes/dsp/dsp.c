@@ -13,6 +13,7 @@
 
 #define MAX_COVERED 64 /* elements that are named */
 #define MAX_MOVED   8
+#define PLACES_NS   1000000000LL
 
 struct dsp {
     struct node *node;
@@ -27,6 +28,7 @@ struct dsp {
     uint32_t covered_microphones[MAX_COVERED], covered_speakers[MAX_COVERED];
     Anlos__MovedElement moved[MAX_MOVED], *moved_list[MAX_MOVED];
     char moved_text[128]; /* empty: none has */
+    int64_t places_ns;    /* that the array was told of them last */
     bool limited;
     struct node_dropped dropped;
     uint64_t blanked; /* pings */
@@ -300,6 +302,7 @@ static void add_moved(struct dsp *d, bool speaker, size_t i,
     m->across_m = of->across_m;
     m->size_m = of->size_m;
     m->sigma_m = of->sigma_m;
+    m->placed = of->placed;
     d->sensing.n_moved++;
     snprintf(d->moved_text + used, sizeof d->moved_text - used, "%s%s %zu",
              used ? ", " : "moved: ", speaker ? "speaker" : "microphone", i + 1);
@@ -353,6 +356,24 @@ static void sense(struct dsp *d, const struct self_test *t)
     tell_range(d, &l);
 }
 
+/* Again and again, until the survey has it. */
+static void tell_places(struct dsp *d, int64_t capture_ns)
+{
+    Anlos__ElementPlaces places = ANLOS__ELEMENT_PLACES__INIT;
+    Anlos__MovedElement *placed[MAX_MOVED];
+
+    for (size_t i = 0; i < d->sensing.n_moved; i++)
+        if (d->moved[i].placed)
+            placed[places.n_moved++] = &d->moved[i];
+    if (!places.n_moved ||
+        (capture_ns - d->places_ns < PLACES_NS && capture_ns >= d->places_ns))
+        return;
+    d->places_ns = capture_ns;
+    places.survey_id = frontend_survey_id(d->frontend);
+    places.moved = placed;
+    node_publish(d->node, topic_places(), capture_ns, &places.base);
+}
+
 /* Once the image has what it needs of it. */
 static void judge(struct dsp *d, const struct node_message *in)
 {
@@ -375,6 +396,7 @@ static void judge(struct dsp *d, const struct node_message *in)
                d->heard.of_speakers);
     if (note[0])
         node_log(d->node, LOG_LEVEL_WARNING, "%s", note);
+    tell_places(d, in->capture_ns);
 }
 
 /* A microphone may be known by its level, by what it hears, or by both. */

@@ -6,7 +6,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "dsp/normal_equations.h"
 #include "dsp/rank.h"
+#include "recon/frontend/echo_shift.h"
 #include "recon/geometry.h"
 #include "recon/inverse/symmetric.h"
 
@@ -17,13 +19,18 @@
 #define PLACED_M      5e-3 /* how well the survey knows where an element stands */
 #define TOLD_M        2e-3 /* solutions that differ by less along an axis tell it */
 #define AS_GOOD       9.0  /* of the cost, which is chi square: three sigmas */
+#define BESIDE_M      0.02 /* of a line still counts as on it */
 #define LEAST_GAIN    50.0
 #define SIGMAS        6.0
 #define LEAST_PAIRS   4
 #define AGREE         0.25 /* of the pairs' median deviation, is left at most */
+#define LEAST_WAY     1e-3 /* of the squares of paths' directions along the first axis */
 #define STEPS         15
 #define TURNS         3 /* of all that is fitted together */
 #define MOST_MOVED    8
+/* A reference that was learnt so shortly before a displacement is told is of what had
+ * moved already. */
+#define LEARNT_ROUNDS (DISPLACEMENT_CONFIRM + DISPLACEMENT_RING / 2 + 1)
 
 enum { ZERO, SPEED, WIND, COMMON = WIND + 3 };
 
@@ -32,6 +39,10 @@ struct element {
     struct displacement_of said, heard;
     unsigned agreed; /* rounds in a row that do not say what is said */
     bool taken;      /* in this round */
+    uint64_t since;  /* the round from which on it is said to have moved */
+    double places_m[DISPLACEMENT_CONFIRM][3]; /* of its last rounds with one, */
+    unsigned n_placed;                        /* that many in a row */
+    double best_m[3];                         /* by the newest, with what is not told */
 };
 
 struct pair {
@@ -48,7 +59,26 @@ struct displacement {
     struct pair *pairs;       /* [n_speakers][n_microphones] */
     double *scratch;          /* [pairs], and as much again */
     bool *sounded;            /* [n_speakers], in this round */
+    bool blows[3];            /* along that axis wind changes most paths */
+    uint64_t round;
+    struct echo_shift *shift;
+    struct echo_path *echoes; /* [n_echoes] of the element that is placed */
+    size_t n_echoes;
+    double echo_sigma_m;
 };
+
+/* Across a line it would only change the paths of what stands beside the line, and be
+ * taken for where that went. */
+static void see_winds(struct displacement *d)
+{
+    for (int k = 0; k < 3; k++) {
+        size_t n = 0;
+        for (size_t j = 0; j < d->n_speakers; j++)
+            for (size_t i = d->n_speakers; i < d->n_elements; i++)
+                d->scratch[n++] = fabs(d->elements[i].at_m[k] - d->elements[j].at_m[k]);
+        d->blows[k] = rank_median(d->scratch, n) > BESIDE_M;
+    }
+}
 
 int displacement_create(struct displacement **out, const struct survey *s)
 {
@@ -66,7 +96,9 @@ int displacement_create(struct displacement **out, const struct survey *s)
     d->pairs = calloc(n_pairs, sizeof *d->pairs);
     d->scratch = calloc(2 * n_pairs, sizeof *d->scratch);
     d->sounded = calloc(s->n_speakers, sizeof *d->sounded);
-    if (!d->elements || !d->pairs || !d->scratch || !d->sounded) {
+    d->echoes = calloc(d->n_elements, sizeof *d->echoes);
+    if (!d->elements || !d->pairs || !d->scratch || !d->sounded || !d->echoes ||
+        echo_shift_create(&d->shift, s)) {
         displacement_destroy(d);
         return -ENOMEM;
     }
@@ -76,6 +108,7 @@ int displacement_create(struct displacement **out, const struct survey *s)
                sizeof d->elements[e].at_m);
     for (size_t p = 0; p < n_pairs; p++)
         d->pairs[p].reference_s = NAN;
+    see_winds(d);
     *out = d;
     return 0;
 }
@@ -145,7 +178,7 @@ static void common_row(const struct displacement *d, size_t pair, double row[COM
     row[ZERO] = 1.0;
     row[SPEED] = geometry_distance(j->at_m, i->at_m);
     for (int k = 0; k < 3; k++)
-        row[WIND + k] = i->at_m[k] - j->at_m[k];
+        row[WIND + k] = d->blows[k] ? i->at_m[k] - j->at_m[k] : 0.0;
 }
 
 /* 1 up to the knee, then as of the absolute. */
@@ -158,28 +191,6 @@ static double huber_cost(double deviation)
 {
     double x = fabs(deviation);
     return x < HUBER ? x * x : 2.0 * HUBER * x - HUBER * HUBER;
-}
-
-/* m [n][n], positive definite, and b become the solution in b (Cholesky). */
-static void solve(double *m, double *b, int n)
-{
-    for (int i = 0; i < n; i++)
-        for (int j = 0; j <= i; j++) {
-            double sum = m[i * n + j];
-            for (int k = 0; k < j; k++)
-                sum -= m[i * n + k] * m[j * n + k];
-            m[i * n + j] = i == j ? sqrt(fmax(sum, 1e-300)) : sum / m[j * n + j];
-        }
-    for (int i = 0; i < n; i++) {
-        for (int k = 0; k < i; k++)
-            b[i] -= m[i * n + k] * b[k];
-        b[i] /= m[i * n + i];
-    }
-    for (int i = n; i-- > 0;) {
-        for (int k = i + 1; k < n; k++)
-            b[i] -= m[k * n + i] * b[k];
-        b[i] /= m[i * n + i];
-    }
 }
 
 /* How pairs scatter about what is common. */
@@ -229,7 +240,7 @@ static void fit_common(struct displacement *d)
         }
         for (int k = 0; k < COMMON; k++)
             m[k * (COMMON + 1)] += d->sigma_m * d->sigma_m / (before[k] * before[k]);
-        solve(m, b, COMMON);
+        normal_equations_solve(COMMON, m, b, 0.0);
         memcpy(d->common, b, sizeof b);
         take_common_out(d);
     }
@@ -258,7 +269,31 @@ static size_t pairs_of(const struct displacement *d, size_t e)
     return e < d->n_speakers ? d->n_microphones : d->n_speakers;
 }
 
-/* Cost, and where wanted its slopes, which go up with by_m. */
+/* What a path says of by_m: its cost, and where wanted its slopes, which go up with it.
+ */
+static double weigh(double off, double sigma_m, const double way[3], double *information,
+                    double *slope)
+{
+    double w = huber_weight(off) / sigma_m;
+
+    for (int a = 0; information && a < 3; a++) {
+        slope[a] -= w * off * way[a];
+        for (int b = 0; b < 3; b++)
+            information[3 * a + b] += w / sigma_m * way[a] * way[b];
+    }
+    return huber_cost(off);
+}
+
+static double echo_off(const struct displacement *d, size_t e, size_t k,
+                       const double by_m[3], double way[3])
+{
+    static const double none[3] = {0};
+    const struct echo_path *p = &d->echoes[k];
+
+    return (p->grown_m - moved_m(p->from_m, none, d->elements[e].at_m, by_m, way)) /
+           d->echo_sigma_m;
+}
+
 static double look(const struct displacement *d, size_t e, const double by_m[3],
                    double *information, double *slope)
 {
@@ -282,13 +317,11 @@ static double look(const struct displacement *d, size_t e, const double by_m[3],
         double off = (d->pairs[pair].left_m -
                       moved_m(other->at_m, other->by_m, d->elements[e].at_m, by_m, way)) /
                      d->sigma_m;
-        double w = huber_weight(off) / d->sigma_m;
-        cost += huber_cost(off);
-        for (int a = 0; information && a < 3; a++) {
-            slope[a] -= w * off * way[a];
-            for (int b = 0; b < 3; b++)
-                information[3 * a + b] += w / d->sigma_m * way[a] * way[b];
-        }
+        cost += weigh(off, d->sigma_m, way, information, slope);
+    }
+    for (size_t k = 0; k < d->n_echoes; k++) {
+        double way[3], off = echo_off(d, e, k, by_m, way);
+        cost += weigh(off, d->echo_sigma_m, way, information, slope);
     }
     return cost;
 }
@@ -304,7 +337,7 @@ static void descend(const struct displacement *d, size_t e, struct solution *s)
         memcpy(m, s->information, sizeof m);
         for (int k = 0; k < 3; k++)
             m[4 * k] *= 1.0 + damping;
-        solve(m, by, 3);
+        normal_equations_solve(3, m, by, 0.0);
         for (int k = 0; k < 3; k++)
             next_m[k] = s->by_m[k] + by[k];
         if (look(d, e, next_m, NULL, NULL) < s->cost) {
@@ -322,21 +355,35 @@ static double length(const double v[3])
     return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
 }
 
-/* Along which its paths go, most of all first. */
-static void axes_of(const struct displacement *d, size_t e, double axes[3][3])
+static void add_way(double m[6], const double way[3])
+{
+    for (int a = 0, i = 0; a < 3; a++)
+        for (int b = a; b < 3; b++)
+            m[i++] += way[a] * way[b];
+}
+
+/* Along which its paths go, most of all first; how many they are: along the others hardly
+ * any goes. */
+static int axes_of(const struct displacement *d, size_t e, double axes[3][3])
 {
     static const double none[3] = {0};
     double m[6] = {0}, way[3], value[3];
+    int n = 1;
 
     for (size_t k = 0; k < pairs_of(d, e); k++) {
         size_t pair;
         const struct element *other = other_end(d, e, k, &pair);
         moved_m(other->at_m, none, d->elements[e].at_m, none, way);
-        for (int a = 0, i = 0; a < 3; a++)
-            for (int b = a; b < 3; b++)
-                m[i++] += way[a] * way[b];
+        add_way(m, way);
+    }
+    for (size_t k = 0; k < d->n_echoes; k++) {
+        moved_m(d->echoes[k].from_m, none, d->elements[e].at_m, none, way);
+        add_way(m, way);
     }
     symmetric_axes(m, value, axes);
+    while (n < 3 && value[n] > LEAST_WAY * value[0])
+        n++;
+    return n;
 }
 
 enum { STARTS = 7 };
@@ -363,8 +410,8 @@ static double along(const double a[3], const double b[3])
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-/* What all that fit as well share. */
-static void tell(double axes[3][3], const struct solution s[STARTS],
+/* What all that fit as well share, along the first n_axes. */
+static void tell(int n_axes, double axes[3][3], const struct solution s[STARTS],
                  struct displacement_of *out)
 {
     double m[9], to[3], across = 0.0;
@@ -377,9 +424,10 @@ static void tell(double axes[3][3], const struct solution s[STARTS],
                 low = fmin(low, along(axes[k], s[i].by_m));
                 high = fmax(high, along(axes[k], s[i].by_m));
             }
-        if (high - low > TOLD_M)
+        bool told = high - low <= TOLD_M;
+        if (!told)
             across += best * best;
-        for (int a = 0; high - low <= TOLD_M && a < 3; a++)
+        for (int a = 0; told && k < n_axes && a < 3; a++)
             out->by_m[a] += best * axes[k][a];
     }
     out->across_m = sqrt(across);
@@ -387,7 +435,7 @@ static void tell(double axes[3][3], const struct solution s[STARTS],
     for (int k = 0; k < 3; k++)
         to[k] = s[0].by_m[k] / fmax(out->size_m, 1e-9);
     double b[3] = {to[0], to[1], to[2]};
-    solve(m, b, 3);
+    normal_equations_solve(3, m, b, 0.0);
     out->sigma_m = sqrt(fmax(along(to, b), 0.0));
 }
 
@@ -421,9 +469,9 @@ static double judge(const struct displacement *d, size_t e, struct displacement_
     *out = (struct displacement_of){.moved = false};
     if (n < LEAST_PAIRS || before < LEAST_GAIN)
         return 0.0;
-    axes_of(d, e, axes);
+    int n_axes = axes_of(d, e, axes);
     search(d, e, axes, s);
-    tell(axes, s, out);
+    tell(n_axes, axes, s, out);
     memcpy(by_m, s[0].by_m, sizeof s[0].by_m);
     double after_m = median_left_m(d, e, by_m, &n);
     bool fits = after_m < fmax(AGREE * before_m, 2.0 * d->sigma_m);
@@ -479,6 +527,87 @@ static void fit_together(struct displacement *d)
     }
 }
 
+/* -- where it stands now ----------------------------------------------------------------
+ */
+
+/* Do the paths over the wall agree where it is, and do solutions that fit as well, and
+ * what is not known of the best, leave them as they are? */
+static bool is_placed(const struct displacement *d, size_t e,
+                      const struct solution s[STARTS])
+{
+    double *off_m = d->scratch, way[3], mean[3] = {0}, m[9], b[3];
+
+    for (size_t k = 0; k < d->n_echoes; k++) {
+        off_m[k] = fabs(echo_off(d, e, k, s[0].by_m, way)) * d->echo_sigma_m;
+        for (int a = 0; a < 3; a++)
+            mean[a] += way[a] / (double)d->n_echoes;
+    }
+    for (int i = 1; i < STARTS; i++) {
+        const double to[3] = {s[i].by_m[0] - s[0].by_m[0], s[i].by_m[1] - s[0].by_m[1],
+                              s[i].by_m[2] - s[0].by_m[2]};
+        if (s[i].cost < s[0].cost + AS_GOOD &&
+            fabs(along(mean, to)) > DISPLACEMENT_PLACED_M)
+            return false;
+    }
+    memcpy(m, s[0].information, sizeof m);
+    memcpy(b, mean, sizeof b);
+    normal_equations_solve(3, m, b, 0.0);
+    return along(mean, b) < DISPLACEMENT_PLACED_M * DISPLACEMENT_PLACED_M &&
+           rank_median(off_m, d->n_echoes) <
+               fmax(2.0 * d->echo_sigma_m, DISPLACEMENT_PLACED_M);
+}
+
+/* The mean of the last rounds, when they agree. */
+static void settle_place(struct element *one, struct displacement_of *now)
+{
+    double *newest = one->places_m[one->n_placed % DISPLACEMENT_CONFIRM], mean[3] = {0};
+
+    memcpy(newest, now->by_m, sizeof one->places_m[0]);
+    now->placed = ++one->n_placed >= DISPLACEMENT_CONFIRM;
+    for (int r = 0; now->placed && r < DISPLACEMENT_CONFIRM; r++)
+        for (int k = 0; k < 3; k++)
+            mean[k] += one->places_m[r][k] / DISPLACEMENT_CONFIRM;
+    for (int r = 0; now->placed && r < DISPLACEMENT_CONFIRM; r++)
+        if (geometry_distance(one->places_m[r], mean) > DISPLACEMENT_PLACED_M)
+            now->placed = false;
+    if (now->placed)
+        memcpy(now->by_m, mean, sizeof mean);
+}
+
+/* By what was heard in this round, and the echoes of a wall that was heard before;
+ * without a wall only where straight paths go all ways. */
+static void place(struct displacement *d, size_t e)
+{
+    struct element *one = &d->elements[e];
+    uint64_t before = one->since > LEARNT_ROUNDS ? one->since - LEARNT_ROUNDS : 0;
+    struct displacement_of now = one->heard;
+    struct solution s[STARTS];
+    double axes[3][3];
+    bool known;
+
+    d->n_echoes =
+        echo_shift_paths(d->shift, e, d->round, before, d->echoes, &d->echo_sigma_m);
+    if (d->n_echoes < LEAST_PAIRS)
+        d->n_echoes = 0;
+    int n_axes = axes_of(d, e, axes);
+    if (d->n_echoes) {
+        search(d, e, axes, s);
+        tell(n_axes, axes, s, &now);
+        now.moved = true;
+        known = is_placed(d, e, s);
+        memcpy(one->best_m, s[0].by_m, sizeof one->best_m);
+        d->n_echoes = 0;
+    } else {
+        known = n_axes == 3 && now.across_m == 0.0;
+        memcpy(one->best_m, one->by_m, sizeof one->best_m);
+    }
+    if (known && now.sigma_m < DISPLACEMENT_PLACED_M)
+        settle_place(one, &now);
+    else
+        one->n_placed = 0;
+    one->said = now;
+}
+
 static bool is_heard(const struct displacement *d, size_t e)
 {
     size_t n = 0, pair;
@@ -501,9 +630,11 @@ static void settle(struct displacement *d)
         if (one->agreed >= DISPLACEMENT_CONFIRM) {
             one->agreed = 0;
             one->said.moved = moved;
+            one->since = d->round;
+            one->n_placed = 0;
         }
         if (one->said.moved && moved)
-            one->said = one->heard;
+            place(d, e);
         else if (!one->said.moved)
             one->said = (struct displacement_of){.moved = false};
     }
@@ -530,12 +661,21 @@ static void conclude(struct displacement *d)
     settle(d);
 }
 
-void displacement_take(struct displacement *d, size_t speaker, const double *delay_s)
+void displacement_wall(struct displacement *d, const struct wall_gate *wall)
+{
+    echo_shift_wall(d->shift, wall);
+}
+
+void displacement_take(struct displacement *d, size_t speaker, const double *delay_s,
+                       const double *echo_s)
 {
     if (d->sounded[speaker]) { /* the round is over */
         conclude(d);
         memset(d->sounded, 0, d->n_speakers * sizeof *d->sounded);
+        d->round++;
     }
+    if (echo_s)
+        echo_shift_take(d->shift, d->round, speaker, echo_s);
     d->sounded[speaker] = true;
     for (size_t m = 0; m < d->n_microphones; m++) {
         struct pair *p = &d->pairs[speaker * d->n_microphones + m];
@@ -550,6 +690,43 @@ void displacement_take(struct displacement *d, size_t speaker, const double *del
             p->n = DISPLACEMENT_RING;
         }
     }
+}
+
+/* As heard, wherever it went along what is not told: so its paths are now. */
+static void went(const struct element *one, const double at_m[3], double by_m[3])
+{
+    bool heard = one->said.moved && geometry_distance(one->at_m, at_m) > 0.0;
+
+    for (int k = 0; k < 3; k++)
+        by_m[k] = heard ? one->best_m[k] : at_m[k] - one->at_m[k];
+}
+
+void displacement_stand(struct displacement *d, const struct survey *s)
+{
+    double speaker_m[3], microphone_m[3], way[3];
+
+    for (size_t j = 0; j < d->n_speakers; j++)
+        for (size_t i = 0; i < d->n_microphones; i++) {
+            const struct element *from = &d->elements[j];
+            const struct element *to = &d->elements[d->n_speakers + i];
+            went(from, s->speakers_m[j], speaker_m);
+            went(to, s->microphones_m[i], microphone_m);
+            d->pairs[j * d->n_microphones + i].reference_s +=
+                moved_m(from->at_m, speaker_m, to->at_m, microphone_m, way) /
+                d->sound_speed_m_s;
+        }
+    for (size_t e = 0; e < d->n_elements; e++) {
+        struct element *one = &d->elements[e];
+        const double *at_m = e < s->n_speakers ? s->speakers_m[e]
+                                               : s->microphones_m[e - s->n_speakers];
+        if (geometry_distance(one->at_m, at_m) > 0.0) {
+            one->said = (struct displacement_of){.moved = false};
+            one->agreed = one->n_placed = 0;
+        }
+        memcpy(one->at_m, at_m, sizeof one->at_m);
+    }
+    see_winds(d);
+    echo_shift_stand(d->shift, s);
 }
 
 const struct displacement_of *displacement_speaker(const struct displacement *d,
@@ -572,5 +749,7 @@ void displacement_destroy(struct displacement *d)
     free(d->pairs);
     free(d->scratch);
     free(d->sounded);
+    free(d->echoes);
+    echo_shift_destroy(d->shift);
     free(d);
 }

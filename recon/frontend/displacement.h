@@ -18,6 +18,11 @@
  * place the same way.  What was moved before the start is not told: that is what `anlos
  * calibrate array` is for.
  *
+ * Where it stands now is found by the wall's echo, too, if one was heard before
+ * (recon/frontend/echo_shift.h): paths over the wall go across the line.  It is placed
+ * when the rounds of CONFIRM agree to PLACED_M, and what is not told then changes no path
+ * that is heard.
+ *
  * Errors and allocations are create's alone.  A round of 16 x 16 pairs costs some 50 us
  * while nothing has moved, and ten times that for each element that has. */
 #ifndef ANLOS_RECON_FRONTEND_DISPLACEMENT_H
@@ -27,14 +32,18 @@
 #include <stddef.h>
 
 #include "recon/survey.h"
+#include "recon/walls/wall.h"
 
-#define DISPLACEMENT_RING    5
-#define DISPLACEMENT_FIRST   8 /* arrivals of a pair that its reference is made of */
-#define DISPLACEMENT_CONFIRM 5
-#define DISPLACEMENT_LEAST_M 3e-3
+#define DISPLACEMENT_RING     5
+#define DISPLACEMENT_FIRST    8 /* arrivals of a pair that its reference is made of */
+#define DISPLACEMENT_CONFIRM  5
+#define DISPLACEMENT_LEAST_M  3e-3
+#define DISPLACEMENT_PLACED_M 1.5e-3
+#define DISPLACEMENT_MOST_M   0.05 /* farther nobody is put by what is heard */
 
 struct displacement_of { /* of one element, in the array frame */
     bool moved;
+    bool placed;     /* by_m is all that has to be known for images */
     double by_m[3];  /* as far as it is told; 0 along an axis of which it is not */
     double across_m; /* how far along what is not told; 0: all is */
     double size_m;   /* of all of it */
@@ -47,8 +56,17 @@ struct displacement;
 /* Copies what it needs.  0, -ENOMEM. */
 int displacement_create(struct displacement **out, const struct survey *s);
 
-/* A ping: delays of the direct sound, [n_microphones], NaN: not heard well. */
-void displacement_take(struct displacement *d, size_t speaker, const double *delay_s);
+/* The wall whose echoes come from now on, in the array frame; NULL: none is known. */
+void displacement_wall(struct displacement *d, const struct wall_gate *wall);
+
+/* A ping: delays of the direct sound and of the wall's echo, [n_microphones], NaN: not
+ * heard well.  echo_s may be NULL: none. */
+void displacement_take(struct displacement *d, size_t speaker, const double *delay_s,
+                       const double *echo_s);
+
+/* The same array's elements stand where this survey has them, from now on: who moved to
+ * there has not moved any more. */
+void displacement_stand(struct displacement *d, const struct survey *s);
 
 const struct displacement_of *displacement_speaker(const struct displacement *d,
                                                    size_t speaker);

@@ -98,6 +98,11 @@ void range_monitor_walls(struct range_monitor *r, const struct walls *walls)
         r->walls.n = 0;
 }
 
+const struct wall_gate *range_monitor_wall(const struct range_monitor *r)
+{
+    return r->walls.n ? &r->walls.list[0] : NULL;
+}
+
 static void settle(double *mean, bool known, double value)
 {
     *mean = known ? *mean + (value - *mean) / ECHO_PINGS : value;

@@ -60,6 +60,8 @@ void range_monitor_inherit(struct range_monitor *r, const struct range_monitor *
  * seen for a second may be elsewhere: until it is, the reference stays what it was, as it
  * does after a list that is none. */
 void range_monitor_walls(struct range_monitor *r, const struct walls *walls);
+/* Whose echo is the reference, in the array frame; NULL: none is heard now. */
+const struct wall_gate *range_monitor_wall(const struct range_monitor *r);
 
 /* Some samples about the wall's echo in each trace. */
 void range_monitor_take(struct range_monitor *r, const struct range_ping *ping);

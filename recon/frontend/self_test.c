@@ -67,8 +67,8 @@ struct self_test {
     struct cover *cover;
     struct displacement *displacement;
     struct range_monitor *range;
-    double *fresh, *direct, *delay_s; /* [n_microphones], scratch */
-    bool *unfit, *usable;             /* [n_microphones] */
+    double *fresh, *direct, *delay_s, *echo_s; /* [n_microphones], scratch */
+    bool *unfit, *usable;                      /* [n_microphones] */
     bool has_noise;
 };
 
@@ -178,9 +178,10 @@ static int create_levels(struct self_test *t, const struct range_config *cfg,
     t->fresh = calloc(n, sizeof *t->fresh);
     t->direct = calloc(n, sizeof *t->direct);
     t->delay_s = calloc(n, sizeof *t->delay_s);
+    t->echo_s = calloc(n, sizeof *t->echo_s);
     t->unfit = calloc(n, sizeof *t->unfit);
     t->usable = calloc(n, sizeof *t->usable);
-    if (!t->fresh || !t->direct || !t->delay_s || !t->unfit || !t->usable)
+    if (!t->fresh || !t->direct || !t->delay_s || !t->echo_s || !t->unfit || !t->usable)
         return error_say(why, -ENOMEM, "not enough memory for the level of noise");
     err = create_floor(t, p.gate_s, why);
     if (!err)
@@ -243,6 +244,11 @@ void self_test_inherit(struct self_test *t, struct self_test *before)
     before->speakers = speakers;
     before->cover = cover;
     before->displacement = displacement;
+    displacement_stand(t->displacement, t->survey);
+    for (size_t m = 0; m < t->survey->n_microphones; m++)
+        t->microphones[m].moved_said = displacement_microphone(t->displacement, m)->moved;
+    for (size_t j = 0; j < t->survey->n_speakers; j++)
+        t->speakers[j].moved_said = displacement_speaker(t->displacement, j)->moved;
     range_monitor_inherit(t->range, before->range);
 }
 
@@ -465,27 +471,44 @@ static void measure_direct(struct self_test *t, size_t speaker,
         t->speakers[j].covered = cover_speaker(t->cover, j);
 }
 
-/* Of a covered element the sound comes around what covers it. */
+/* When what comes about then comes; NaN: it does not stand out of noise.  Of a covered
+ * element the sound comes around what covers it. */
+static double measure_delay(const struct self_test *t, size_t speaker, size_t m,
+                            const float complex *traces, double way_m)
+{
+    const float complex *trace = traces + m * t->format.n_samples;
+    double about_s = way_m / t->survey->sound_speed_m_s;
+    double from_s = about_s - DIRECT_S, to_s = about_s + DIRECT_S;
+    double least = pow(10.0, TIMED_DB / 10.0) * t->microphones[m].noise;
+    struct arrival a;
+
+    if (t->unfit[m] || t->microphones[m].covered || t->speakers[speaker].covered)
+        return NAN;
+    return arrival_power(&t->format, trace, from_s, to_s) > least &&
+                   arrival_strongest(&t->format, trace, from_s, to_s, &a)
+               ? a.time_s
+               : NAN;
+}
+
 static void measure_delays(struct self_test *t, size_t speaker,
                            const float complex *traces)
 {
     const struct survey *s = t->survey;
-    double least = pow(10.0, TIMED_DB / 10.0);
+    const struct wall_gate *wall = range_monitor_wall(t->range);
+    double image_m[3];
 
+    if (wall)
+        wall_mirror(&wall->plane, s->speakers_m[speaker], image_m);
     for (size_t m = 0; m < s->n_microphones; m++) {
-        double delay_s = geometry_distance(s->speakers_m[speaker], s->microphones_m[m]) /
-                         s->sound_speed_m_s;
-        struct arrival a;
-        bool well = !t->unfit[m] && !t->microphones[m].covered &&
-                    !t->speakers[speaker].covered &&
-                    t->direct[m] > least * t->microphones[m].noise;
-        t->delay_s[m] =
-            well && arrival_strongest(&t->format, traces + m * t->format.n_samples,
-                                      delay_s - DIRECT_S, delay_s + DIRECT_S, &a)
-                ? a.time_s
-                : NAN;
+        const double *at_m = s->microphones_m[m];
+        t->delay_s[m] = measure_delay(t, speaker, m, traces,
+                                      geometry_distance(s->speakers_m[speaker], at_m));
+        t->echo_s[m] =
+            wall ? measure_delay(t, speaker, m, traces, geometry_distance(image_m, at_m))
+                 : NAN;
     }
-    displacement_take(t->displacement, speaker, t->delay_s);
+    displacement_wall(t->displacement, wall);
+    displacement_take(t->displacement, speaker, t->delay_s, t->echo_s);
 }
 
 static void measure(struct self_test *t, const struct ping *ping,
@@ -613,6 +636,7 @@ void self_test_destroy(struct self_test *t)
     free(t->fresh);
     free(t->direct);
     free(t->delay_s);
+    free(t->echo_s);
     free(t->unfit);
     free(t->usable);
     pulse_compress_destroy(t->compress[0]);

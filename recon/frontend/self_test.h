@@ -66,7 +66,8 @@ int self_test_create(struct self_test **out, const struct range_config *cfg,
                      const struct survey *s, const struct trace_format *given,
                      struct error *why);
 
-/* What the one before has learnt of the same array, in other air. */
+/* What the one before has learnt of the same array, in other air, or of which elements
+ * are known to stand elsewhere by now. */
 void self_test_inherit(struct self_test *t, struct self_test *before);
 
 /* See range_monitor_walls. */

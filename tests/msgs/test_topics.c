@@ -20,7 +20,7 @@ static void every_topic_is_found_by_its_name_and_unique(void **state)
         for (const struct topic *u = topics_all(); u < t; u++)
             assert_string_not_equal(u->name, t->name);
     }
-    assert_int_equal(n, 23);
+    assert_int_equal(n, 24);
 }
 
 static void an_unknown_name_finds_nothing(void **state)
@@ -109,6 +109,7 @@ static void the_functions_name_the_topics_they_say(void **state)
         {topic_echoes(), "echoes", "anlos.Echoes", "dsp"},
         {topic_ego(), "ego", "anlos.EgoMotion", "can"},
         {topic_ambient(), "ambient", "anlos.Ambient", "can"},
+        {topic_places(), "array/places", "anlos.ElementPlaces", "dsp"},
         {topic_progress(), "progress", "anlos.Progress", "can"},
         {topic_save(), "record/save", "anlos.SaveRequest", "hand"},
         {topic_save(), "record/save", "anlos.SaveRequest", "can"},

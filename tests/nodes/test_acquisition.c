@@ -621,6 +621,41 @@ static void a_recording_that_ends_by_itself_is_told(void **state)
     assert_false(acquisition_has_ended(r->acquisition));
 }
 
+/* Of a knocked microphone; what is said of the survey before comes too late, and a place
+ * that cannot be leaves the survey as it is. */
+static void places_are_those_of_the_next_survey(void **state)
+{
+    struct rig *r = *state;
+    uint32_t speakers[] = {3, 1};
+    Anlos__MovedElement moved = ANLOS__MOVED_ELEMENT__INIT, *list[] = {&moved};
+    Anlos__ElementPlaces said = ANLOS__ELEMENT_PLACES__INIT;
+    uint64_t id = acquisition_survey(r->acquisition)->id;
+    double was_m = acquisition_survey(r->acquisition)->microphones_m[2]->x;
+    struct error why = {""};
+    Anlos__Ping ping;
+    int64_t t0;
+
+    said.survey_id = id;
+    said.moved = list;
+    said.n_moved = 1;
+    moved.element = 3;
+    moved.x_m = 0.02;
+    assert_int_equal(acquisition_places(r->acquisition, &said, &why), -ESTALE);
+    fire_endless(r, 1, speakers, 2);
+    assert_int_equal(acquisition_places(r->acquisition, &said, &why), 0);
+    const Anlos__Survey *now = acquisition_survey(r->acquisition);
+    assert_true(fabs(now->microphones_m[2]->x - was_m - 0.02) < 1e-12);
+    assert_int_not_equal(now->id, id);
+    assert_int_equal(acquisition_next(r->acquisition, &ping, &t0, NULL), 0);
+    assert_int_equal(ping.survey_id, now->id);
+    assert_int_equal(acquisition_places(r->acquisition, &said, &why), -ESTALE);
+    said.survey_id = id = now->id;
+    moved.x_m = 0.2;
+    assert_int_equal(acquisition_places(r->acquisition, &said, &why), -EINVAL);
+    assert_non_null(strstr(why.text, "microphone 3"));
+    assert_int_equal(acquisition_survey(r->acquisition)->id, id);
+}
+
 static void an_array_on_a_stage_does_not_go_on_without_end(void **state)
 {
     struct rig *r = *state;
@@ -665,6 +700,7 @@ int main(void)
         FIXED(a_shot_without_end_goes_on_in_frames_until_another_is_queued),
         FIXED(a_recording_that_ends_by_itself_is_told),
         FIXED(a_shot_without_end_is_stopped_by_one_without_speakers),
+        FIXED(places_are_those_of_the_next_survey),
         TEST(an_array_on_a_stage_does_not_go_on_without_end),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

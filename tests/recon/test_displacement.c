@@ -18,6 +18,9 @@ struct world {
     double speakers_at_m[N][3], microphones_at_m[N][3]; /* as they stand */
     bool deaf[N];
     double sound_m_s, wind_m_s[3], zero_s, noise_m;
+    struct wall_gate wall;           /* id 0: none */
+    double off_m, off_rad, jitter_m; /* of the wall that is told, one sigma: in each
+                                        round, and in each ping besides */
     unsigned long long seed;
     struct displacement *d;
 };
@@ -73,21 +76,50 @@ static double delay_s(const struct world *w, const double from[3], const double 
     return (sqrt(along * along + left * way) - along) / left;
 }
 
+/* The wall is told as somebody estimates it, who errs. */
+static void hear_wall(struct world *w, size_t j, const double off[3], double echo_s[N])
+{
+    const double change[3] = {off[0], 0.0, off[2] + w->jitter_m * dice_normal(&w->seed)};
+    struct wall_gate told = w->wall;
+    const double *n = w->wall.plane.normal, *at = w->speakers_at_m[j];
+    double beyond =
+        2.0 * (w->wall.plane.distance_m - n[0] * at[0] - n[1] * at[1] - n[2] * at[2]);
+    double image_m[3];
+
+    for (int k = 0; k < 3; k++)
+        image_m[k] = at[k] + beyond * n[k];
+    for (int i = 0; i < N; i++)
+        echo_s[i] = w->deaf[i] ? NAN
+                               : delay_s(w, image_m, w->microphones_at_m[i]) + w->zero_s +
+                                     2.0 * w->noise_m / SOUND_M_S * dice_normal(&w->seed);
+    wall_turn(&w->wall.plane, change, &told.plane);
+    displacement_wall(w->d, &told);
+}
+
 static void hear(struct world *w, int rounds)
 {
-    double heard_s[N];
+    double heard_s[N], echo_s[N];
 
-    for (int r = 0; r < rounds; r++)
+    for (int r = 0; r < rounds; r++) {
+        const double off[3] = {w->off_rad * dice_normal(&w->seed), 0.0,
+                               w->off_m * dice_normal(&w->seed)};
         for (size_t j = 0; j < N; j++) {
+            if (w->wall.id)
+                hear_wall(w, j, off, echo_s);
             for (int i = 0; i < N; i++) {
                 double s = delay_s(w, w->speakers_at_m[j], w->microphones_at_m[i]) +
                            w->zero_s;
                 heard_s[i] =
                     w->deaf[i] ? NAN : s + w->noise_m / SOUND_M_S * dice_normal(&w->seed);
             }
-            displacement_take(w->d, j, heard_s);
+            displacement_take(w->d, j, heard_s, w->wall.id ? echo_s : NULL);
         }
+    }
 }
+
+static const struct wall_gate wall_ahead = {
+    .id = 3,
+    .plane = {.normal = {0.0995037190209989, 0.0, 0.995037190209989}, .distance_m = 2.2}};
 
 /* Of all elements, speakers first. */
 static const struct displacement_of *of(const struct world *w, size_t e)
@@ -151,6 +183,129 @@ static void along_a_line_across_is_told_without_its_side(void **state)
     assert_near(of(&w, e)->by_m[2], 0.0, 1e-6);
     assert_near(of(&w, e)->across_m, 0.02, 1e-3);
     assert_near(of(&w, e)->size_m, sqrt(5e-4), 1e-3);
+    displacement_destroy(w.d);
+}
+
+/* What goes up or down stays open: no path over the wall is another by it. */
+static void the_echo_of_a_wall_tells_to_which_side_of_a_line_it_went(void **state)
+{
+    static const double by_m[][3] = {{0.01, 0.012, -0.016}, {0, 0, 0.02},
+                                     {0, 0, -0.02},         {0.02, 0, 0},
+                                     {-0.01, -0.02, 0},     {0.004, 0, 0.025}};
+    struct world w;
+
+    (void)state;
+    for (size_t k = 0; k < 6; k++)
+        for (size_t e = 1; e < 2 * N; e += 6) {
+            start_line(&w);
+            w.wall = wall_ahead;
+            w.off_m = w.off_rad = 2e-3;
+            w.jitter_m = e < N ? 1e-4 : 5e-3; /* the vehicle stands; it drives */
+            hear(&w, 30);
+            double *at = e < N ? w.speakers_at_m[e] : w.microphones_at_m[e - N];
+            for (int a = 0; a < 3; a++)
+                at[a] += by_m[k][a];
+            hear(&w, 25);
+            check_moved(&w, 1, &e);
+            assert_true(of(&w, e)->placed);
+            assert_near(of(&w, e)->by_m[0], by_m[k][0], 1e-3);
+            assert_near(of(&w, e)->by_m[2], by_m[k][2], 1.5e-3);
+            displacement_destroy(w.d);
+        }
+}
+
+/* Not heard before, or another one since: it tells nothing of what went before. */
+static void a_wall_that_is_new_places_nobody(void **state)
+{
+    struct world w;
+    size_t e = N + 7;
+
+    (void)state;
+    for (int k = 0; k < 3; k++) {
+        start_line(&w);
+        w.wall = wall_ahead;
+        w.wall.id = k == 0 ? 0 : 3;
+        hear(&w, 30);
+        w.microphones_at_m[7][0] += 0.01;
+        w.microphones_at_m[7][2] -= 0.016;
+        hear(&w, k == 2 ? 8 : 0); /* it is told by then */
+        w.wall.id = 4;
+        hear(&w, 40);
+        check_moved(&w, 1, &e);
+        assert_false(of(&w, e)->placed);
+        displacement_destroy(w.d);
+    }
+}
+
+/* It has a place again, and who else had moved has still moved; from there it may go on.
+ */
+static void who_stands_where_the_survey_has_it_by_now_has_not_moved(void **state)
+{
+    struct world w;
+    size_t other = N + 3, both[] = {N + 3, N + 7};
+
+    (void)state;
+    start_line(&w);
+    w.wall = wall_ahead;
+    hear(&w, 30);
+    w.microphones_at_m[7][0] += 0.01;
+    w.microphones_at_m[7][2] -= 0.016;
+    w.microphones_at_m[3][0] -= 0.02;
+    hear(&w, 25);
+    check_moved(&w, 2, both);
+    memcpy(w.microphones_m[7], w.microphones_at_m[7], sizeof w.microphones_m[7]);
+    displacement_stand(w.d, &w.survey);
+    check_moved(&w, 1, &other);
+    for (int r = 0; r < 20; r++) {
+        hear(&w, 1);
+        check_moved(&w, 1, &other);
+    }
+    assert_near(of(&w, other)->by_m[0], -0.02, 1e-3);
+    w.microphones_at_m[7][2] -= 0.02;
+    hear(&w, 25);
+    check_moved(&w, 2, both);
+    assert_true(of(&w, N + 7)->placed);
+    assert_near(of(&w, N + 7)->by_m[0], 0.0, 1e-3);
+    assert_near(of(&w, N + 7)->by_m[2], -0.02, 1.5e-3);
+    displacement_destroy(w.d);
+}
+
+/* A speaker sounds once in a round: while the wall is off by centimetres from ping to
+ * ping nobody knows whether it has moved or the vehicle. */
+static void while_the_vehicle_drives_a_speaker_is_not_placed(void **state)
+{
+    struct world w;
+    size_t e = 5;
+
+    (void)state;
+    start_line(&w);
+    w.wall = wall_ahead;
+    w.jitter_m = 0.02;
+    hear(&w, 30);
+    w.speakers_at_m[5][2] += 0.02;
+    for (int r = 0; r < 40; r++) {
+        hear(&w, 1);
+        assert_false(of(&w, e)->placed);
+    }
+    check_moved(&w, 1, &e);
+    displacement_destroy(w.d);
+}
+
+static void without_a_wall_who_is_told_wholly_is_placed(void **state)
+{
+    struct world w;
+    size_t e = 6;
+
+    (void)state;
+    start_square(&w);
+    hear(&w, 20);
+    w.speakers_at_m[6][0] += 0.02;
+    w.speakers_at_m[6][2] -= 0.01;
+    hear(&w, 20);
+    check_moved(&w, 1, &e);
+    assert_true(of(&w, e)->placed);
+    assert_near(of(&w, e)->by_m[0], 0.02, 1e-3);
+    assert_near(of(&w, e)->by_m[2], -0.01, 1e-3);
     displacement_destroy(w.d);
 }
 
@@ -282,7 +437,7 @@ static void a_channel_that_is_late_has_not_moved(void **state)
             for (int i = 0; i < N; i++)
                 heard_s[i] = delay_s(&w, w.speakers_m[j], w.microphones_m[i]) +
                              (i == 7 ? 3e-5 : 0.0);
-            displacement_take(w.d, j, heard_s);
+            displacement_take(w.d, j, heard_s, NULL);
         }
     check_moved(&w, 0, NULL);
     displacement_destroy(w.d);
@@ -293,6 +448,11 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(an_element_of_a_plane_is_found_with_where_it_went),
         cmocka_unit_test(along_a_line_across_is_told_without_its_side),
+        cmocka_unit_test(the_echo_of_a_wall_tells_to_which_side_of_a_line_it_went),
+        cmocka_unit_test(a_wall_that_is_new_places_nobody),
+        cmocka_unit_test(who_stands_where_the_survey_has_it_by_now_has_not_moved),
+        cmocka_unit_test(while_the_vehicle_drives_a_speaker_is_not_placed),
+        cmocka_unit_test(without_a_wall_who_is_told_wholly_is_placed),
         cmocka_unit_test(errors_are_as_large_as_they_are_stated),
         cmocka_unit_test(air_wind_and_time_zero_move_nobody),
         cmocka_unit_test(
