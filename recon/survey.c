@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "dsp/hash.h"
+#include "recon/geometry.h"
 
 #define PRESSURE_PA 101325.0
 
@@ -184,6 +185,31 @@ uint64_t survey_id(const struct survey *s)
         hash_numbers(&h, r->gain_db, r->n_points);
     }
     return h ? h : 1;
+}
+
+static bool are_near(size_t n, const double (*a_m)[3], const double (*b_m)[3])
+{
+    for (size_t i = 0; i < n; i++)
+        if (!(geometry_distance(a_m[i], b_m[i]) <= SURVEY_SAME_M))
+            return false;
+    return true;
+}
+
+bool survey_is_same_array(const struct survey *a, const struct survey *b)
+{
+    struct survey like = *b;
+
+    if (a->n_speakers != b->n_speakers || a->n_microphones != b->n_microphones ||
+        !are_near(a->n_speakers, (const double(*)[3])a->speakers_m,
+                  (const double(*)[3])b->speakers_m) ||
+        !are_near(a->n_microphones, (const double(*)[3])a->microphones_m,
+                  (const double(*)[3])b->microphones_m))
+        return false;
+    like.speakers_m = a->speakers_m;
+    like.microphones_m = a->microphones_m;
+    like.sound_speed_m_s = a->sound_speed_m_s;
+    memcpy(like.gate_m, a->gate_m, sizeof like.gate_m);
+    return survey_id(&like) == survey_id(a);
 }
 
 static int copy_array(void *out, const void *from, size_t n, size_t element_size)

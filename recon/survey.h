@@ -27,6 +27,7 @@ struct survey_wall {  /* { p : normal . p = distance_m } */
 };
 
 #define SURVEY_MAX_WALLS 8
+#define SURVEY_SAME_M    0.05
 
 struct survey {
     enum survey_source source;
@@ -130,6 +131,10 @@ int survey_check_place(const struct survey *s, struct error *why);
  * source and the temperature (its speed of sound counts).  Equal surveys have equal ids;
  * never 0. */
 uint64_t survey_id(const struct survey *s);
+
+/* Is it the same array, but for the air in front of it, what that makes of the gate, and
+ * elements that stand up to SURVEY_SAME_M elsewhere by now? */
+bool survey_is_same_array(const struct survey *a, const struct survey *b);
 
 /* Gives an empty survey the room for n pings with places of their own, each at 0, and the
  * elements and the stage that go with them.  0, -ENOMEM (survey_clear frees what is

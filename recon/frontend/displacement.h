@@ -39,7 +39,6 @@
 #define DISPLACEMENT_CONFIRM  5
 #define DISPLACEMENT_LEAST_M  3e-3
 #define DISPLACEMENT_PLACED_M 1.5e-3
-#define DISPLACEMENT_MOST_M   0.05 /* farther nobody is put by what is heard */
 
 struct displacement_of { /* of one element, in the array frame */
     bool moved;

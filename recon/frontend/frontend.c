@@ -196,33 +196,6 @@ static void plan_self_test(struct frontend *f)
                      f->judges_whole ? &f->whole_format : NULL, &f->unjudged);
 }
 
-static bool are_near(size_t n, const double (*a_m)[3], const double (*b_m)[3])
-{
-    for (size_t i = 0; i < n; i++)
-        if (geometry_distance(a_m[i], b_m[i]) > DISPLACEMENT_MOST_M)
-            return false;
-    return true;
-}
-
-/* But for the air in front of it, what that makes of the gate, and elements that stand
- * elsewhere by now. */
-static bool is_same_array(const struct survey *a, const struct survey *b)
-{
-    struct survey like = *b;
-
-    if (a->n_speakers != b->n_speakers || a->n_microphones != b->n_microphones ||
-        !are_near(a->n_speakers, (const double(*)[3])a->speakers_m,
-                  (const double(*)[3])b->speakers_m) ||
-        !are_near(a->n_microphones, (const double(*)[3])a->microphones_m,
-                  (const double(*)[3])b->microphones_m))
-        return false;
-    like.speakers_m = a->speakers_m;
-    like.microphones_m = a->microphones_m;
-    like.sound_speed_m_s = a->sound_speed_m_s;
-    memcpy(like.gate_m, a->gate_m, sizeof like.gate_m);
-    return survey_id(&like) == survey_id(a);
-}
-
 static int plan(struct frontend *f, const struct survey *survey, struct error *why)
 {
     int err = survey_copy(&f->survey, survey);
@@ -254,7 +227,7 @@ int frontend_survey(struct frontend *f, const struct survey *survey, struct erro
         frontend_forget(f);
     else
         f->survey_id = survey_id(survey);
-    if (before && f->self_test && is_same_array(&was, &f->survey))
+    if (before && f->self_test && survey_is_same_array(&was, &f->survey))
         self_test_inherit(f->self_test, before);
     self_test_destroy(before);
     survey_clear(&was);

@@ -56,12 +56,14 @@ int wall_finder_survey(struct wall_finder *f, const struct survey *survey,
     int err = survey_copy(&fresh, survey);
     if (err)
         return error_say(why, err, "survey: %s", strerror(-err));
+    bool keep = f->survey_id && f->survey.sound_speed_m_s == fresh.sound_speed_m_s &&
+                survey_is_same_array(&f->survey, &fresh);
     wall_listener_destroy(f->listener);
     f->listener = NULL;
     wall_receiver_clear(&f->receiver);
     survey_clear(&f->survey);
     f->survey = fresh;
-    wall_map_survey(&f->map, &f->survey);
+    wall_map_survey(&f->map, &f->survey, keep);
     if (f->cfg.map.from == WALL_FROM_ECHOES)
         err = wall_listener_create(&f->listener, &f->cfg.listener, &f->survey, why);
     if (!err && f->listener && f->cfg.takes_pings)

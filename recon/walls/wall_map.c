@@ -21,10 +21,11 @@ void wall_map_init(struct wall_map *k, const struct wall_map_config *cfg)
     memcpy(k->list.free_view_m, cfg->free_view_m, sizeof k->list.free_view_m);
 }
 
-void wall_map_survey(struct wall_map *k, const struct survey *s)
+void wall_map_survey(struct wall_map *k, const struct survey *s, bool keep)
 {
     k->survey = s;
-    k->tracks.n = 0;
+    if (!keep)
+        k->tracks.n = 0;
     walls_from_survey(&k->configured, s);
     walls_normalise(&k->configured);
 }

@@ -42,8 +42,9 @@ struct wall_map {
 
 void wall_map_init(struct wall_map *k, const struct wall_map_config *cfg);
 
-/* From now on this survey, which must outlive it; other walls are forgotten. */
-void wall_map_survey(struct wall_map *k, const struct survey *s);
+/* From now on this survey, which must outlive it; keep: of the same array in the same
+ * air, and what is known of walls still holds.  Else other walls are forgotten. */
+void wall_map_survey(struct wall_map *k, const struct survey *s, bool keep);
 
 /* How the vehicle moves; NULL: somebody told of it, but not that. */
 void wall_map_ego(struct wall_map *k, const struct ego_motion *motion, int64_t stamp_ns);

@@ -35,6 +35,33 @@ static void pings_with_places_of_their_own_find_room(void **state)
     survey_clear(&s);
 }
 
+static void the_same_array_may_be_in_other_air_and_have_been_knocked(void **state)
+{
+    const struct survey original = example();
+    struct survey other;
+
+    (void)state;
+    assert_int_equal(survey_copy(&other, &original), 0);
+    assert_true(survey_is_same_array(&original, &other));
+    other.sound_speed_m_s += 5.0;
+    other.gate_m[1] -= 0.1;
+    other.microphones_m[0][1] += 0.049;
+    other.speakers_m[original.n_speakers - 1][2] -= 0.049;
+    assert_true(survey_is_same_array(&original, &other));
+    other.microphones_m[0][1] += 0.002;
+    assert_false(survey_is_same_array(&original, &other));
+    other.microphones_m[0][1] = original.microphones_m[0][1];
+    other.speakers_m[0][0] = NAN;
+    assert_false(survey_is_same_array(&original, &other));
+    other.speakers_m[0][0] = original.speakers_m[0][0];
+    other.n_microphones--;
+    assert_false(survey_is_same_array(&original, &other));
+    other.n_microphones++;
+    other.chirp_stop_hz += 1.0;
+    assert_false(survey_is_same_array(&original, &other));
+    survey_clear(&other);
+}
+
 static void the_id_changes_with_every_number(void **state)
 {
     (void)state;
@@ -169,6 +196,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_copy_is_equal_and_its_own),
         cmocka_unit_test(pings_with_places_of_their_own_find_room),
+        cmocka_unit_test(the_same_array_may_be_in_other_air_and_have_been_knocked),
         cmocka_unit_test(the_id_changes_with_every_number),
         cmocka_unit_test(an_old_surveys_id_stays),
         cmocka_unit_test(emissions_share_slots_and_alternate_by_their_order),

@@ -25,7 +25,7 @@ static struct wall_map *make(enum wall_from from, const struct survey *s)
     struct wall_map *k = malloc(sizeof *k);
     assert_non_null(k);
     wall_map_init(k, &cfg);
-    wall_map_survey(k, s);
+    wall_map_survey(k, s, false);
     return k;
 }
 
@@ -39,6 +39,28 @@ static struct wall_estimates ahead(double distance_m)
                            .distance_m = distance_m,
                            .covariance = {1e-5, 0, 0, 1e-3, 0, 1e-5}},
                   .share = 1.0}}};
+}
+
+/* A knocked microphone moves no wall. */
+static void walls_stay_when_the_same_array_has_another_survey(void **state)
+{
+    const struct survey moved = nothing;
+    const struct wall_estimates e = ahead(2.0);
+
+    (void)state;
+    for (int keep = 0; keep < 2; keep++) {
+        struct wall_map *k = make(WALL_FROM_ECHOES, &nothing);
+        for (int i = 1; i <= 10; i++) {
+            wall_map_advance(k, i * SECOND / 10);
+            wall_map_estimates(k, &e);
+        }
+        assert_int_equal(wall_map_list(k)->n, 1);
+        wall_map_survey(k, &moved, keep);
+        assert_int_equal(wall_map_list(k)->n, keep);
+        if (keep)
+            assert_near(wall_map_list(k)->list[0].plane.distance_m, 2.0, 1e-9);
+        free(k);
+    }
 }
 
 static void drive(struct wall_map *k, double speed_m_s, double from_s, double to_s)
@@ -62,7 +84,7 @@ static void the_survey_s_walls_are_told_as_configured(void **state)
     assert_string_equal(k->text, "");
     assert_int_equal(list->n_corners, 3);
     assert_near(list->free_view_m[2][1], 2.0, 0.0);
-    wall_map_survey(k, &nothing);
+    wall_map_survey(k, &nothing, false);
     assert_int_equal(wall_map_list(k)->n, 0);
     assert_true(k->text[0]);
     free(k);
@@ -282,6 +304,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_survey_s_walls_are_told_as_configured),
+        cmocka_unit_test(walls_stay_when_the_same_array_has_another_survey),
         cmocka_unit_test(a_wall_is_told_from_its_second_look_on),
         cmocka_unit_test(walls_come_nearer_between_looks),
         cmocka_unit_test(a_wall_that_is_not_seen_any_more_is_said_to_be_lost),
