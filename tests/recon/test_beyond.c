@@ -232,6 +232,27 @@ static void what_is_outside_may_be_a_sidelobe_itself(void **state)
     close_scene(&s);
 }
 
+/* What is brighter inside, but at another range, does not make it: it stands there, and
+ * may have made what is faint at its own range. */
+static void what_is_brighter_at_another_range_explains_nothing(void **state)
+{
+    (void)state;
+    const double spot = 0.05 * pow(10.0, 26.0 / 20.0);
+    const struct scatterer points[3] = {
+        {{-0.12, 0.13, 1.13}, 0.05},
+        {{0.40, 0.0, 1.2}, spot},
+        {{0.1, -0.1, 0.95}, spot * pow(10.0, 14.0 / 20.0)}};
+    struct detection found[2] = {seen(&points[0]), seen(&points[2])};
+    struct scene s;
+
+    open_scene(&s, points, 3);
+    assert_int_equal(
+        beyond_judge_traces(&s.set, &s.rig.grid, RANGE_DB, false, s.pool, found, 2), 0);
+    close_scene(&s);
+    assert_true(found[0].existence < 0.3);
+    assert_true(found[1].existence > 0.999);
+}
+
 /* An image of power shows what no phases agree about as objects; what is there, as far
  * down as the coarse image tells, stays. */
 static void of_an_image_of_power_what_no_pings_agree_about_is_none(void **state)
@@ -341,6 +362,7 @@ int main(void)
         cmocka_unit_test(what_is_far_fainter_may_be_its_sidelobe),
         cmocka_unit_test(a_sidelobe_is_at_the_range_of_what_makes_it),
         cmocka_unit_test(what_is_outside_may_be_a_sidelobe_itself),
+        cmocka_unit_test(what_is_brighter_at_another_range_explains_nothing),
         cmocka_unit_test(of_an_image_of_power_what_no_pings_agree_about_is_none),
         cmocka_unit_test(what_is_wide_is_heard_where_it_is_loudest),
         cmocka_unit_test(nothing_is_reported_but_at_the_border_that_it_lies_beyond),

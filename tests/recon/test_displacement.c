@@ -196,9 +196,10 @@ static void the_echo_of_a_wall_tells_to_which_side_of_a_line_it_went(void **stat
 
     (void)state;
     for (size_t k = 0; k < 6; k++)
-        for (size_t e = 1; e < 2 * N; e += 6) {
+        for (size_t e = 0; e < 2 * N; e += 4) {
             start_line(&w);
             w.wall = wall_ahead;
+            w.deaf[3] = true;
             w.off_m = w.off_rad = 2e-3;
             w.jitter_m = e < N ? 1e-4 : 5e-3; /* the vehicle stands; it drives */
             hear(&w, 30);
@@ -352,6 +353,26 @@ static void air_wind_and_time_zero_move_nobody(void **state)
     }
 }
 
+static void in_other_air_a_knock_is_as_long(void **state)
+{
+    struct world w;
+    size_t e = N + 6;
+
+    (void)state;
+    for (int square = 0; square < 2; square++) {
+        (square ? start_square : start_line)(&w);
+        hear(&w, 20);
+        w.sound_m_s = 1.0085 * SOUND_M_S;
+        w.wind_m_s[0] = 5.0;
+        w.zero_s = 1e-5;
+        w.microphones_at_m[6][0] += 0.02;
+        hear(&w, 20);
+        check_moved(&w, 1, &e);
+        assert_near(of(&w, e)->by_m[0], 0.02, 5e-4);
+        displacement_destroy(w.d);
+    }
+}
+
 static void two_that_were_knocked_are_both_named_and_one_that_is_back_is_not(void **state)
 {
     struct world w;
@@ -455,6 +476,7 @@ int main(void)
         cmocka_unit_test(without_a_wall_who_is_told_wholly_is_placed),
         cmocka_unit_test(errors_are_as_large_as_they_are_stated),
         cmocka_unit_test(air_wind_and_time_zero_move_nobody),
+        cmocka_unit_test(in_other_air_a_knock_is_as_long),
         cmocka_unit_test(
             two_that_were_knocked_are_both_named_and_one_that_is_back_is_not),
         cmocka_unit_test(a_move_is_told_once_rounds_confirm_it_and_a_passing_one_never),
