@@ -456,6 +456,25 @@ static double median_left_m(const struct displacement *d, size_t e, const double
     return rank_median(left_m, *n);
 }
 
+/* How many of its pairs say so: what the nearest one alone says is as well of where that
+ * one's other end stood before the start. */
+static size_t count_gaining(const struct displacement *d, size_t e, const double by_m[3])
+{
+    size_t n = 0;
+
+    for (size_t k = 0; k < pairs_of(d, e); k++) {
+        size_t pair;
+        double way[3];
+        const struct element *other = other_end(d, e, k, &pair);
+        double left_m = d->pairs[pair].left_m;
+        double moved = moved_m(other->at_m, other->by_m, d->elements[e].at_m, by_m, way);
+        n += !isnan(d->pairs[pair].grown_m) &&
+             huber_cost(left_m / d->sigma_m) >
+                 huber_cost((left_m - moved) / d->sigma_m) + 1.0;
+    }
+    return n;
+}
+
 /* How much less there is to explain when it has moved; 0: it has not. */
 static double judge(const struct displacement *d, size_t e, struct displacement_of *out,
                     double by_m[3])
@@ -480,7 +499,7 @@ static double judge(const struct displacement *d, size_t e, struct displacement_
     out->sigma_m =
         hypot(out->sigma_m, PLACED_M * out->across_m / fmax(out->size_m, PLACED_M));
     bool most = before - s[0].cost > fmax(LEAST_GAIN, 0.5 * before);
-    out->moved = fits && far && most;
+    out->moved = fits && far && most && count_gaining(d, e, by_m) >= LEAST_PAIRS;
     return out->moved ? before - s[0].cost : 0.0;
 }
 

@@ -373,6 +373,36 @@ static void in_other_air_a_knock_is_as_long(void **state)
     }
 }
 
+/* The pair that is nearest to each other hears where both stood before, too: the survey
+ * has them millimetres beside it.  Who was not knocked is not named. */
+static void beside_a_knocked_one_nobody_else_is_named(void **state)
+{
+    (void)state;
+    for (unsigned k = 0; k < 60; k++) {
+        struct world w;
+        size_t e = N + 9;
+        start_line(&w);
+        w.seed = 40 + k;
+        for (int i = 0; i < N; i++)
+            for (int a = 0; a < 3; a++) {
+                w.speakers_at_m[i][a] += 2e-3 * dice_normal(&w.seed);
+                w.microphones_at_m[i][a] += 2e-3 * dice_normal(&w.seed);
+            }
+        hear(&w, 20);
+        w.microphones_at_m[9][0] += 0.01;
+        w.microphones_at_m[9][1] += 0.005;
+        w.microphones_at_m[9][2] += 0.016;
+        for (int r = 0; r < 20; r++) {
+            hear(&w, 1);
+            for (size_t other = 0; other < 2 * N; other++)
+                if (other != e && of(&w, other)->moved)
+                    fail_msg("seed %u: element %zu", 40 + k, other);
+        }
+        check_moved(&w, 1, &e);
+        displacement_destroy(w.d);
+    }
+}
+
 static void two_that_were_knocked_are_both_named_and_one_that_is_back_is_not(void **state)
 {
     struct world w;
@@ -477,6 +507,7 @@ int main(void)
         cmocka_unit_test(errors_are_as_large_as_they_are_stated),
         cmocka_unit_test(air_wind_and_time_zero_move_nobody),
         cmocka_unit_test(in_other_air_a_knock_is_as_long),
+        cmocka_unit_test(beside_a_knocked_one_nobody_else_is_named),
         cmocka_unit_test(
             two_that_were_knocked_are_both_named_and_one_that_is_back_is_not),
         cmocka_unit_test(a_move_is_told_once_rounds_confirm_it_and_a_passing_one_never),
