@@ -77,6 +77,8 @@ static void fill_numbers(Anlos__Survey *m, const struct survey *s)
     m->has_mount = s->has_mount;
     m->n_walls = 6 * s->n_walls;
     m->walls = (double *)(uintptr_t)s->walls; /* packing only reads */
+    m->n_wall_ends = survey_walls_end(s) ? 2 * (s->n_walls ? s->n_walls : 1) : 0;
+    m->wall_ends = (double *)(uintptr_t)s->wall_ends_m;
     if (s->pings_m) {
         m->n_pings_m = 6 * s->n_positions;
         m->pings_m = s->pings_m[0][0];
@@ -237,6 +239,14 @@ static int take_walls(struct survey *s, const Anlos__Survey *m, struct error *wh
     s->n_walls = m->n_walls / 6;
     for (size_t i = 0; i < s->n_walls; i++)
         memcpy(&s->walls[i], &m->walls[6 * i], sizeof s->walls[i]);
+    size_t n_ends = 2 * (s->n_walls ? s->n_walls : 1);
+    if (m->n_wall_ends && m->n_wall_ends != n_ends)
+        return error_say(
+            why, -EINVAL,
+            "survey message: wall_ends has %zu numbers, expected %zu or none",
+            m->n_wall_ends, n_ends);
+    for (size_t i = 0; i < m->n_wall_ends; i++)
+        s->wall_ends_m[i / 2][i % 2] = m->wall_ends[i];
     return 0;
 }
 

@@ -111,6 +111,15 @@ static void hash_numbers(uint64_t *h, const double *x, size_t n)
     }
 }
 
+bool survey_walls_end(const struct survey *s)
+{
+    bool end = false;
+
+    for (size_t i = 0; s->has_wall && i < (s->n_walls ? s->n_walls : 1); i++)
+        end |= s->wall_ends_m[i][0] != 0.0 || s->wall_ends_m[i][1] != 0.0;
+    return end;
+}
+
 static void hash_placement(uint64_t *h, const struct survey *s)
 {
     hash_counts(h, s->has_gate);
@@ -128,6 +137,10 @@ static void hash_placement(uint64_t *h, const struct survey *s)
         hash_numbers(h, s->walls[i].normal, 3);
         hash_numbers(h, &s->walls[i].distance_m, 1);
         hash_numbers(h, s->walls[i].gate_m, 2);
+    }
+    if (survey_walls_end(s)) { /* walls without ends keep their ids */
+        hash_bytes(h, "ends", 4);
+        hash_numbers(h, s->wall_ends_m[0], 2 * (s->n_walls ? s->n_walls : 1));
     }
     hash_counts(h, s->has_mount);
     if (s->has_mount) {

@@ -70,6 +70,8 @@ struct survey {
     double wall_distance_m;
     size_t n_walls; /* 0: that one alone; else it is the first of these */
     struct survey_wall walls[SURVEY_MAX_WALLS];
+    double wall_ends_m[SURVEY_MAX_WALLS][2]; /* of each, as in struct wall; both 0: not
+                                                known to end; the first: of the wall */
     bool has_mount; /* the array's pose in the vehicle frame (x forward, y left, z up) */
     double mount_origin_m[3];
     double mount_x_axis[3], mount_y_axis[3]; /* unit; the array's axes in vehicle terms */
@@ -93,6 +95,9 @@ double survey_humid_sound_speed_m_s(double temperature_c, double humidity);
     ((size_t)1 << 24) /* from a speaker to a microphone at a position: the paper's scan  \
                          has 8192, and to plan for this many takes seconds already */
 #define SURVEY_UNIT_TOLERANCE 1e-3 /* of the length of a unit vector */
+
+/* Is it known where any of its walls ends? */
+bool survey_walls_end(const struct survey *s);
 
 /* Does the next emission start before the chirp is over?  Then the gate tells them apart:
  * the next one is heard beyond it. */

@@ -325,6 +325,20 @@ static int check_responses(const struct survey *s, struct error *why)
     return err;
 }
 
+static int check_wall_ends(const struct survey *s, struct error *why)
+{
+    for (size_t i = 0; i < SURVEY_MAX_WALLS && i < (s->n_walls ? s->n_walls : 1); i++) {
+        double from_m = s->wall_ends_m[i][0], to_m = s->wall_ends_m[i][1];
+        if (s->has_wall && (from_m != 0.0 || to_m != 0.0) &&
+            !(from_m < to_m && from_m >= -MAX_DISTANCE_M && to_m <= MAX_DISTANCE_M))
+            return error_say(why, -EINVAL,
+                             "wall %zu ends at %g and %g m along it, expected from < to "
+                             "within %g m",
+                             i + 1, from_m, to_m, MAX_DISTANCE_M);
+    }
+    return 0;
+}
+
 static int check_walls(const struct survey *s, struct error *why)
 {
     int err = 0;
@@ -372,6 +386,8 @@ int survey_check_place(const struct survey *s, struct error *why)
                           MAX_DISTANCE_M, "m");
     if (!err)
         err = check_walls(s, why);
+    if (!err)
+        err = check_wall_ends(s, why);
     if (!err && s->has_mount)
         err = check_mount(s, why);
     return err;

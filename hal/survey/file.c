@@ -16,6 +16,7 @@
 #include "hal/survey/response_file.h"
 #include "hal/survey/yaml.h"
 #include "hal/yaml/file.h"
+#include "recon/walls/wall.h"
 
 struct survey_root {
     struct survey_yaml survey;
@@ -135,6 +136,26 @@ static void print_timing(FILE *f, const struct survey *s)
     fprintf(f, "latency_samples: %s\n", decimal_print(s->latency_samples, a));
 }
 
+/* As two points of the array's plane, if it is known to end. */
+static void print_ends(FILE *f, const double normal[3], double distance_m,
+                       const double ends_m[2])
+{
+    struct wall w = {.normal = {normal[0], normal[1], normal[2]},
+                     .ends_m = {ends_m[0], ends_m[1]}};
+    double upright[3], level[3];
+    if (!wall_ends(&w))
+        return;
+    wall_axes(&w, upright, level);
+    fputs(", ends_m: [", f);
+    for (int k = 0; k < 2; k++) {
+        double point[2] = {distance_m * normal[0] + ends_m[k] * level[0],
+                           distance_m * normal[2] + ends_m[k] * level[2]};
+        fputs(k ? ", " : "", f);
+        print_list(f, point, 2);
+    }
+    fputs("]", f);
+}
+
 static void print_place(FILE *f, const struct survey *s)
 {
     char a[DECIMAL_SIZE];
@@ -151,11 +172,15 @@ static void print_place(FILE *f, const struct survey *s)
     for (size_t i = 0; i < s->n_walls; i++) {
         print_key_list(f, "  - {normal", s->walls[i].normal, 3, ", ");
         fprintf(f, "distance_m: %s, ", decimal_print(s->walls[i].distance_m, a));
-        print_key_list(f, "gate_m", s->walls[i].gate_m, 2, "}\n");
+        print_key_list(f, "gate_m", s->walls[i].gate_m, 2, "");
+        print_ends(f, s->walls[i].normal, s->walls[i].distance_m, s->wall_ends_m[i]);
+        fputs("}\n", f);
     }
     if (s->has_wall && !s->n_walls) {
         print_key_list(f, "wall: {normal", s->wall_normal, 3, ", ");
-        fprintf(f, "distance_m: %s}\n", decimal_print(s->wall_distance_m, a));
+        fprintf(f, "distance_m: %s", decimal_print(s->wall_distance_m, a));
+        print_ends(f, s->wall_normal, s->wall_distance_m, s->wall_ends_m[0]);
+        fputs("}\n", f);
     }
     if (s->has_mount) {
         fputs("mount:\n", f);

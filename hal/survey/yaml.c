@@ -12,6 +12,7 @@
 #include "hal/survey/place.h"
 #include "hal/survey/response_file.h"
 #include "hal/yaml/file.h"
+#include "recon/walls/wall.h"
 
 #define MOST_BEHIND 0.5 /* sine: a wall beside the array may be nearest behind it */
 
@@ -62,11 +63,18 @@ const struct cyaml_schema_field survey_yaml_volume_fields[] = {
     POINT(x_m, survey_yaml_volume), POINT(y_m, survey_yaml_volume),
     POINT(z_m, survey_yaml_volume), CYAML_FIELD_END};
 
+static const struct cyaml_schema_value floor_point = {
+    CYAML_VALUE_SEQUENCE_FIXED(CYAML_FLAG_DEFAULT, double, &survey_yaml_number, 2)};
+
+#define ENDS(type)                                                                       \
+    CYAML_FIELD_SEQUENCE_COUNT("ends_m", CYAML_FLAG_POINTER | CYAML_FLAG_OPTIONAL,       \
+                               struct type, ends_m, n_ends, &floor_point, 2, 2)
+
 const struct cyaml_schema_field survey_yaml_wall_fields[] = {
     POINT(normal, survey_yaml_wall),
     CYAML_FIELD_FLOAT("distance_m", CYAML_FLAG_DEFAULT, struct survey_yaml_wall,
                       distance_m),
-    CYAML_FIELD_END};
+    ENDS(survey_yaml_wall), CYAML_FIELD_END};
 
 static const struct cyaml_schema_field one_wall_fields[] = {
     POINT(normal, survey_yaml_one_wall),
@@ -74,7 +82,7 @@ static const struct cyaml_schema_field one_wall_fields[] = {
                       distance_m),
     CYAML_FIELD_SEQUENCE_FIXED("gate_m", CYAML_FLAG_DEFAULT, struct survey_yaml_one_wall,
                                gate_m, &survey_yaml_number, 2),
-    CYAML_FIELD_END};
+    ENDS(survey_yaml_one_wall), CYAML_FIELD_END};
 const struct cyaml_schema_value survey_yaml_one_wall = {CYAML_VALUE_MAPPING(
     CYAML_FLAG_DEFAULT, struct survey_yaml_one_wall, one_wall_fields)};
 
@@ -237,6 +245,31 @@ static int check_ahead(const struct survey *s, const double normal[3], double di
                           distance_m, normal[0], normal[1], normal[2]);
 }
 
+/* Two points of the array's plane, in either order, as they are along a wall; to the
+ * micrometre, so that a survey that was saved is the same again. */
+static int take_ends(double out[2], const double normal[3], double distance_m,
+                     const double (*points)[2], const char *path, const char *key,
+                     struct error *why)
+{
+    struct wall w = {.normal = {normal[0], normal[1], normal[2]},
+                     .distance_m = distance_m};
+    double upright[3], level[3], at_m[2];
+    if (!points)
+        return 0;
+    wall_axes(&w, upright, level);
+    for (int k = 0; k < 2; k++)
+        at_m[k] = 1e-6 * round(1e6 * (level[0] * points[k][0] + level[2] * points[k][1]));
+    out[0] = fmin(at_m[0], at_m[1]);
+    out[1] = fmax(at_m[0], at_m[1]);
+    if (out[0] < out[1])
+        return 0;
+    return yaml_error_say(why, -EINVAL, path, key,
+                          "[%g, %g] and [%g, %g] are one place of a wall along [%g, %g]; "
+                          "expected where it begins and where it ends",
+                          points[0][0], points[0][1], points[1][0], points[1][1],
+                          level[0], level[2]);
+}
+
 static int take_walls(struct survey *s, const struct survey_yaml *y, const char *path,
                       struct error *why)
 {
@@ -255,6 +288,10 @@ static int take_walls(struct survey *s, const struct survey_yaml *y, const char 
         snprintf(key, sizeof key, "walls[%u].distance_m", i);
         if (!err)
             err = check_ahead(s, w->normal, w->distance_m, path, key, why);
+        snprintf(key, sizeof key, "walls[%u].ends_m", i);
+        if (!err)
+            err = take_ends(s->wall_ends_m[i], w->normal, w->distance_m,
+                            (const double(*)[2])y->walls[i].ends_m, path, key, why);
     }
     s->n_walls = y->n_walls;
     s->has_wall = true;
@@ -284,6 +321,10 @@ int survey_yaml_place(struct survey *s, const struct survey_yaml *y, const char 
         if (!err)
             err = check_ahead(s, s->wall_normal, s->wall_distance_m, path,
                               "wall.distance_m", why);
+        if (!err)
+            err = take_ends(s->wall_ends_m[0], s->wall_normal, s->wall_distance_m,
+                            (const double(*)[2])y->wall->ends_m, path, "wall.ends_m",
+                            why);
     }
     if (!err && y->walls)
         err = take_walls(s, y, path, why);

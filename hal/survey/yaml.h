@@ -37,10 +37,14 @@ struct survey_yaml_volume {
 
 struct survey_yaml_wall {
     double normal[3], distance_m;
+    double (*ends_m)[2]; /* [n_ends]: x, z of two points that it reaches to; or NULL */
+    unsigned n_ends;
 };
 
 struct survey_yaml_one_wall { /* of several */
     double normal[3], distance_m, gate_m[2];
+    double (*ends_m)[2];
+    unsigned n_ends;
 };
 
 struct survey_yaml_mount {

@@ -156,6 +156,21 @@ static bool is_in_image(const struct grid *g, const double p[3])
     return true;
 }
 
+/* Does the way to what is imaged there cross a wall between its ends?  It does cross the
+ * plane of a wall that shows it. */
+static bool crosses_between_ends(const struct wall *w, const double virtual_m[3])
+{
+    double along, at_m[3];
+
+    if (!wall_ends(w))
+        return true;
+    if (!wall_crosses(w, array_m, virtual_m, &along))
+        return false;
+    for (int a = 0; a < 3; a++)
+        at_m[a] = along * virtual_m[a];
+    return wall_beyond_end_m(w, at_m) <= 0.0;
+}
+
 bool sight_shows(const void *context, const double p_m[3])
 {
     const struct sight *s = context;
@@ -169,7 +184,7 @@ bool sight_shows(const void *context, const double p_m[3])
         wall_mirror(&w->plane, at_m, virtual_m);
         double range_m = hypot(virtual_m[0], virtual_m[2]);
         if (range_m >= w->gate_m[0] && range_m <= w->gate_m[1] &&
-            is_in_image(s->grid, virtual_m))
+            is_in_image(s->grid, virtual_m) && crosses_between_ends(&w->plane, virtual_m))
             return true;
     }
     return false;

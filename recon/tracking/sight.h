@@ -39,8 +39,11 @@ void sight_virtual(const struct sight *s, const struct track_mirror *mirror,
  * struct sight. */
 size_t sight_stands_before(const void *context, const double imaged_m[3]);
 
-/* Does the image show this place of the vehicle frame?  Heights do not count.  As
- * track_scan wants it; context: a struct sight. */
+/* Does the image show this place of the vehicle frame, by way of a wall where any is
+ * known?  The way to its mirror image has to cross that wall between its ends: what is
+ * heard past them, directly, is no object of a tracker (object_tracker.h), so that who
+ * walks there is out of view.  Heights do not count.  As track_scan wants it; context: a
+ * struct sight. */
 bool sight_shows(const void *context, const double p_m[3]);
 
 /* How likely it is that there is a wall of this id, 0..1; 1 of none. */

@@ -60,6 +60,33 @@ void wall_axes(const struct wall *w, double upright[3], double level[3])
     wall_axes_about(w->normal, array_up, upright, level);
 }
 
+bool wall_ends(const struct wall *w)
+{
+    return w->ends_m[0] != 0.0 || w->ends_m[1] != 0.0;
+}
+
+double wall_beyond_end_m(const struct wall *w, const double p[3])
+{
+    double upright[3], level[3];
+    if (!wall_ends(w))
+        return -INFINITY;
+    wall_axes(w, upright, level);
+    double at_m = dot(level, p); /* the foot is at 0 */
+    return fmax(w->ends_m[0] - at_m, at_m - w->ends_m[1]);
+}
+
+/* Where the ends are along the level axis after a move: around, of a wall whose level
+ * axis became `turned`.  An axis that turned about the normal is seen from the side, and
+ * one that points the other way exchanges the ends. */
+static void move_ends(const struct wall *w, const double turned[3],
+                      const double around[3], const double t[3], double out[2])
+{
+    double along = dot(turned, around), shift_m = dot(t, around);
+    bool flips = along < 0.0;
+    for (int k = 0; k < 2; k++)
+        out[k] = w->ends_m[flips ? 1 - k : k] * along + shift_m;
+}
+
 void wall_turn(const struct wall *w, const double change[3], struct wall *out)
 {
     double upright[3], level[3];
@@ -111,6 +138,8 @@ void wall_move(const struct wall *w, const double up[3], const double r[3][3],
     }
     j[2][2] = 1.0;
     add_propagated((const double(*)[3])j, w->covariance, moved.covariance);
+    if (wall_ends(w))
+        move_ends(w, turned[1], around[1], t, moved.ends_m);
     *out = moved;
 }
 
@@ -123,6 +152,11 @@ void wall_face(struct wall *w)
         w->normal[a] = -w->normal[a];
     w->covariance[1] = -w->covariance[1]; /* level and distance change their signs, */
     w->covariance[2] = -w->covariance[2]; /* upright stays */
+    if (!wall_ends(w))
+        return;
+    double from_m = w->ends_m[0];
+    w->ends_m[0] = -w->ends_m[1];
+    w->ends_m[1] = -from_m;
 }
 
 void wall_mirror(const struct wall *w, const double p[3], double out[3])
@@ -167,20 +201,38 @@ bool wall_crosses(const struct wall *w, const double from[3], const double to[3]
     return true;
 }
 
+/* How far beyond its ends the way to p crosses a wall; INFINITY: it does not. */
+static double crosses_beyond_m(const struct wall *w, const double from[3],
+                               const double p[3], double *along)
+{
+    double at[3];
+    if (!wall_crosses(w, from, p, along))
+        return INFINITY;
+    for (int a = 0; a < 3; a++)
+        at[a] = from[a] + *along * (p[a] - from[a]);
+    return wall_beyond_end_m(w, at);
+}
+
 size_t wall_that_mirrored(const struct wall_gate *walls, size_t n, const double from[3],
                           const double p[3])
 {
-    size_t best = n;
-    double first = 2.0, along;
+    size_t best = n, aside = n;
+    double first = 2.0, first_aside = 2.0, along;
     double range_m = sqrt((p[0] - from[0]) * (p[0] - from[0]) +
                           (p[1] - from[1]) * (p[1] - from[1]) +
                           (p[2] - from[2]) * (p[2] - from[2]));
     for (size_t i = 0; i < n; i++) {
-        if (range_m < walls[i].gate_m[0] || range_m > walls[i].gate_m[1] ||
-            !wall_crosses(&walls[i].plane, from, p, &along) || along >= first)
+        if (range_m < walls[i].gate_m[0] || range_m > walls[i].gate_m[1])
             continue;
-        best = i;
-        first = along;
+        double beyond_m = crosses_beyond_m(&walls[i].plane, from, p, &along);
+        if (beyond_m <= 0.0 && along < first) {
+            best = i;
+            first = along;
+        } else if (beyond_m > 0.0 && beyond_m <= WALL_END_MARGIN_M &&
+                   along < first_aside) {
+            aside = i;
+            first_aside = along;
+        }
     }
-    return best;
+    return best < n ? best : aside;
 }

@@ -17,7 +17,15 @@ struct wall { /* { p : normal . p = distance_m }, normal of length 1 */
     double distance_m;
     double covariance[6]; /* aa ab ad bb bd dd: turns about upright and level, rad, and
                              distance_m; all 0: known exactly */
+    double ends_m[2];     /* from, to: along level, from the foot of the perpendicular
+                             from the frame's origin; both 0: it is not known to end */
 };
+
+/* Is it known where it ends? */
+bool wall_ends(const struct wall *w);
+
+/* How far beyond the nearer end a point of it is, along it; negative between the ends. */
+double wall_beyond_end_m(const struct wall *w, const double p[3]);
 
 /* The whole matrix of a covariance: of a wall, or of a point (xx xy xz yy yz zz). */
 void wall_unfold(const double c[6], double out[3][3]);
@@ -33,7 +41,8 @@ void wall_axes_about(const double normal[3], const double up[3], double upright[
 void wall_axes(const struct wall *w, double upright[3], double level[3]);
 
 /* The wall after turns of its normal by these angles and a change of its distance: the
- * rotation by the vector a upright + b level, exactly.  The covariance stays. */
+ * rotation about the origin by the vector a upright + b level, exactly; its ends turn
+ * with it.  The covariance stays. */
 void wall_turn(const struct wall *w, const double change[3], struct wall *out);
 
 /* The change that makes `to` of `from`: the inverse of wall_turn, for normals less than
@@ -41,8 +50,8 @@ void wall_turn(const struct wall *w, const double change[3], struct wall *out);
 void wall_difference(const struct wall *from, const struct wall *to, double change[3]);
 
 /* The wall in a frame of which q = r p + t, r [to][from] a rotation; up: of the frame
- * that it is in, in which its covariance is meant (the result's is about y).  out may be
- * w. */
+ * that it is in, in which its covariance and ends are meant (the result's are about y).
+ * out may be w. */
 void wall_move(const struct wall *w, const double up[3], const double r[3][3],
                const double t[3], struct wall *out);
 
@@ -60,7 +69,8 @@ void wall_mirror(const struct wall *w, const double p[3], double out[3]);
 void wall_mirror_covariance(const struct wall *w, const double p[3], const double c[6],
                             double out[6]);
 
-/* Does the line from one point to another cross the wall, and how far along, 0..1? */
+/* Does the line from one point to another cross the wall's plane, between its ends or
+ * beyond, and how far along, 0..1? */
 bool wall_crosses(const struct wall *w, const double from[3], const double to[3],
                   double *along);
 
@@ -72,7 +82,11 @@ struct wall_gate { /* a wall, and what is seen by way of it */
 
 /* Which of n walls mirrored what is imaged at p, seen from a place: sound turns back at
  * the first wall on its straight way to the image, among those whose gate holds its
- * range.  Their index, or n: none stands between. */
+ * range.  Where none is crossed between its ends, one that is crossed less than
+ * WALL_END_MARGIN_M beyond did: an array of 1 m looks past an end from half a metre on
+ * either side, and at 2 to 20 kHz and some metres the Fresnel zone of a mirror is half a
+ * metre to a fifth of that wide.  Their index, or n: none stands between. */
+#define WALL_END_MARGIN_M 0.5
 size_t wall_that_mirrored(const struct wall_gate *walls, size_t n, const double from[3],
                           const double p[3]);
 

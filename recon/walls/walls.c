@@ -17,6 +17,7 @@ void walls_from_survey(struct walls *out, const struct survey *s)
     for (size_t i = 0; i < s->n_walls; i++) {
         struct wall_gate *w = &out->list[i];
         w->id = (uint32_t)i + 1;
+        memcpy(w->plane.ends_m, s->wall_ends_m[i], sizeof w->plane.ends_m);
         out->existence[i] = 1.0;
         w->plane.distance_m = s->walls[i].distance_m;
         memcpy(w->plane.normal, s->walls[i].normal, sizeof w->plane.normal);
@@ -32,6 +33,7 @@ void walls_from_survey(struct walls *out, const struct survey *s)
         .gate_m = {0.0, WALLS_FAR_M},
     };
     memcpy(out->list[0].plane.normal, s->wall_normal, sizeof s->wall_normal);
+    memcpy(out->list[0].plane.ends_m, s->wall_ends_m[0], sizeof s->wall_ends_m[0]);
 }
 
 void walls_step(struct walls *w, const struct survey *s, const struct ego_step *step)
@@ -75,6 +77,12 @@ static int check_wall(const struct wall_gate *w, struct error *why)
                          length);
     if (!is_covariance(w->plane.covariance))
         return error_say(why, -EINVAL, "wall %u has a covariance that is none", w->id);
+    if (wall_ends(&w->plane) &&
+        !(w->plane.ends_m[0] < w->plane.ends_m[1] && isfinite(w->plane.ends_m[0]) &&
+          isfinite(w->plane.ends_m[1])))
+        return error_say(why, -EINVAL,
+                         "wall %u ends at %g and %g m along it, expected from < to",
+                         w->id, w->plane.ends_m[0], w->plane.ends_m[1]);
     if (!(w->gate_m[0] >= 0.0 && w->gate_m[0] <= w->gate_m[1]))
         return error_say(why, -EINVAL,
                          "wall %u has the gate %g to %g m, expected 0 <= near "

@@ -105,6 +105,11 @@ static void wrong_values_are_named_with_line_and_key(void **state)
         {HEAD ARRAY "walls:\n  - {normal: [0, 0, 1], distance_m: 1, gate_m: [0, 4]}\n"
                     "  - {normal: [0, 0, 0], distance_m: 1, gate_m: [0, 4]}\n",
          "survey.yaml:9: ", "walls[1].normal: expected a direction"},
+        {HEAD ARRAY
+         "wall: {normal: [0, 0, 1], distance_m: 1, ends_m: [[2, 1], [2, 3]]}\n",
+         "survey.yaml:7: ", "wall.ends_m: [2, 1] and [2, 3] are one place"},
+        {HEAD ARRAY "wall: {normal: [0, 0, 1], distance_m: 1, ends_m: [[2, 1]]}\n",
+         "survey.yaml:7", "ends_m"},
         {HEAD ARRAY "wall: {normal: [0, 0, 1], distance_m: 1}\n"
                     "walls: [{normal: [0, 0, 1], distance_m: 1, gate_m: [0, 4]}]\n",
          "survey.yaml:8: ", "\"wall\" says this already"},
@@ -282,6 +287,49 @@ static void several_walls_have_gates_and_the_first_is_the_wall(void **state)
     survey_clear(&s);
 }
 
+/* Written as two points of the floor, which are 0.6 m to the right and 1.4 m to the left
+ * of the foot of a wall ahead; along (-0.8, 0.6) of one at an angle. */
+static void walls_that_end_are_read_and_saved(void **state)
+{
+    static const char several[] = HEAD ARRAY
+        "walls:\n"
+        "  - {normal: [0, 0, 1], distance_m: 1.5, gate_m: [1, 4], ends_m: [[-0.6, 1.5], "
+        "[1.4, 1.5]]}\n"
+        "  - {normal: [0.6, 0, 0.8], distance_m: 2, gate_m: [2, 3], ends_m: [[2, 1], "
+        "[0.4, 2.2]]}\n"
+        "  - {normal: [1, 0, 0], distance_m: 2, gate_m: [2, 3]}\n";
+    static const char single[] = HEAD ARRAY
+        "wall: {normal: [0, 0, 1], distance_m: 1.5, ends_m: [[1.4, 9], [-0.6, 0]]}\n";
+    struct error why;
+    struct survey s, again;
+    if (load(*state, several, &s, &why))
+        fail_msg("%s", why.text);
+    assert_true(fabs(s.wall_ends_m[0][0] + 1.4) < 1e-6); /* its level axis is -x */
+    assert_true(fabs(s.wall_ends_m[0][1] - 0.6) < 1e-6);
+    assert_true(fabs(s.wall_ends_m[1][0] + 1.0) < 1e-6);
+    assert_true(fabs(s.wall_ends_m[1][1] - 1.0) < 1e-6);
+    assert_true(s.wall_ends_m[2][0] == 0 && s.wall_ends_m[2][1] == 0);
+    if (survey_save(&s, scratch_path(*state, "ends.yaml"), NULL, &why) ||
+        survey_load(&again, scratch_path(*state, "ends.yaml"), &why))
+        fail_msg("%s", why.text);
+    assert_true(survey_id(&s) == survey_id(&again));
+    again.wall_ends_m[1][1] += 0.1;
+    assert_true(survey_id(&s) != survey_id(&again));
+    survey_clear(&again);
+    survey_clear(&s);
+    if (load(*state, single, &s, &why))
+        fail_msg("%s", why.text);
+    assert_int_equal(s.n_walls, 0);
+    assert_true(fabs(s.wall_ends_m[0][0] + 1.4) < 1e-6);
+    assert_true(fabs(s.wall_ends_m[0][1] - 0.6) < 1e-6);
+    if (survey_save(&s, scratch_path(*state, "ends.yaml"), NULL, &why) ||
+        survey_load(&again, scratch_path(*state, "ends.yaml"), &why))
+        fail_msg("%s", why.text);
+    assert_true(survey_id(&s) == survey_id(&again));
+    survey_clear(&again);
+    survey_clear(&s);
+}
+
 static void alternating_chirps_and_shared_slots_are_read_and_saved(void **state)
 {
     static const char text[] =
@@ -382,6 +430,7 @@ int main(void)
         TEST(what_is_saved_loads_as_the_same_survey),
         TEST(a_wall_ahead_or_beside_is_taken_however_it_is_written),
         TEST(several_walls_have_gates_and_the_first_is_the_wall),
+        TEST(walls_that_end_are_read_and_saved),
         TEST(alternating_chirps_and_shared_slots_are_read_and_saved),
         TEST(a_stage_that_does_not_stop_is_read_and_saved),
         TEST(saving_never_replaces_another_curve),

@@ -109,6 +109,8 @@ static void several_walls_come_back_from_a_message(void **state)
     s.walls[0].distance_m = s.wall_distance_m;
     s.walls[0].gate_m[1] = 4;
     s.walls[1] = (struct survey_wall){{1, 0, 0}, 2.5, {2, 3}};
+    s.wall_ends_m[1][0] = -1.5;
+    s.wall_ends_m[1][1] = 2.25;
     assert_int_equal(survey_pack(&s, &bytes, &size), 0);
     Anlos__Survey *m = anlos__survey__unpack(NULL, size, bytes);
     free(bytes);
@@ -117,7 +119,15 @@ static void several_walls_come_back_from_a_message(void **state)
     assert_int_equal(back.n_walls, 2);
     assert_same(back.walls[1].normal, s.walls[1].normal, 3);
     assert_true(back.walls[1].distance_m == 2.5 && back.walls[1].gate_m[1] == 3);
+    assert_same(back.wall_ends_m[1], s.wall_ends_m[1], 2);
+    assert_true(back.wall_ends_m[0][0] == 0 && back.wall_ends_m[0][1] == 0);
     survey_clear(&back);
+    m->n_wall_ends = 3;
+    assert_int_equal(survey_from_message(&back, m, NULL), -EINVAL);
+    m->n_wall_ends = 4;
+    m->wall_ends[2] = 3.0; /* from behind to */
+    assert_int_equal(survey_from_message(&back, m, NULL), -EINVAL);
+    m->wall_ends[2] = -1.5;
     m->n_walls = 7;
     assert_int_equal(survey_from_message(&back, m, NULL), -EINVAL);
     m->n_walls = 12;

@@ -369,6 +369,102 @@ static void a_wall_is_the_same_from_both_sides(void **state)
         assert_near(two[q], one[q], 1e-15);
 }
 
+static void end_of(const struct wall *w, int k, double out[3])
+{
+    double upright[3], level[3];
+    wall_axes(w, upright, level);
+    for (int a = 0; a < 3; a++)
+        out[a] = w->distance_m * w->normal[a] + w->ends_m[k] * level[a];
+}
+
+/* The ends, as places, move as every place does, also where the frame turns far or the
+ * normal turns about; of the vehicle's frame up is z. */
+static void the_ends_of_a_wall_move_with_it(void **state)
+{
+    (void)state;
+    static const double up[3] = {0, 1, 0}, vehicle_up[3] = {0, 0, 1};
+    static const double to_array[3][3] = {{0, -1, 0}, {0, 0, 1}, {1, 0, 0}};
+    const double t[3] = {0.7, 0.3, -1.2};
+    for (int step = 0; step < 24; step++) {
+        double yaw = 0.26 * step, c = cos(yaw), s = sin(yaw);
+        const double r[3][3] = {{c, 0, s}, {0, 1, 0}, {-s, 0, c}};
+        struct wall w = {.normal = {0.6, 0, 0.8}, .distance_m = 2, .ends_m = {-1, 2.5}};
+        for (int vehicle = 0; vehicle < 2; vehicle++) {
+            double place[2][3], moved[2][3];
+            if (vehicle)
+                w.normal[1] = 0.8, w.normal[2] = 0;
+            for (int k = 0; k < 2; k++) {
+                double level[3] = {-0.8, 0, 0.6};
+                if (vehicle) /* level = normal x upright = (.6 .8 0) x (0 0 1) */
+                    level[0] = 0.8, level[1] = -0.6, level[2] = 0;
+                for (int a = 0; a < 3; a++)
+                    place[k][a] = 2 * w.normal[a] + w.ends_m[k] * level[a];
+            }
+            struct wall out;
+            const double(*m)[3] = vehicle ? to_array : r;
+            wall_move(&w, vehicle ? vehicle_up : up, m, t, &out);
+            for (int k = 0; k < 2; k++)
+                for (int a = 0; a < 3; a++)
+                    moved[k][a] = dot(m[a], place[k]) + t[a];
+            for (int faced = 0; faced < 2; faced++) {
+                double ends[2][3];
+                end_of(&out, 0, ends[0]);
+                end_of(&out, 1, ends[1]);
+                bool same = fabs(ends[0][0] - moved[0][0]) < 1e-9 &&
+                            fabs(ends[0][2] - moved[0][2]) < 1e-9;
+                assert_true(out.ends_m[0] < out.ends_m[1]);
+                for (int a = 0; a < 3; a += 2) {
+                    assert_near(ends[0][a], moved[same ? 0 : 1][a], 1e-12);
+                    assert_near(ends[1][a], moved[same ? 1 : 0][a], 1e-12);
+                }
+                wall_face(&out);
+                assert_true(out.distance_m >= 0);
+            }
+        }
+    }
+    struct wall endless = {.normal = {0.6, 0, 0.8}, .distance_m = 2};
+    wall_move(&endless, up, to_array, t, &endless);
+    endless.distance_m = -1;
+    wall_face(&endless);
+    assert_false(wall_ends(&endless));
+}
+
+/* A wall across the way at 2 m, its level axis is -x: from x = -1 to 0.5. */
+static void how_far_beyond_an_end_is_told_along_the_wall(void **state)
+{
+    (void)state;
+    const struct wall w = {.normal = {0, 0, 1}, .distance_m = 2, .ends_m = {-0.5, 1}};
+    const struct wall endless = {.normal = {0, 0, 1}, .distance_m = 2};
+    assert_near(wall_beyond_end_m(&w, (const double[3]){0.75, 3, 2}), 0.25, 1e-15);
+    assert_near(wall_beyond_end_m(&w, (const double[3]){-2, 0, 2}), 1.0, 1e-15);
+    assert_near(wall_beyond_end_m(&w, (const double[3]){0, 0, 2}), -0.5, 1e-15);
+    assert_true(wall_beyond_end_m(&endless, (const double[3]){1e6, 0, 2}) < 0);
+}
+
+/* Two pieces of a wall at 2 m, with an opening of 2 m from x = 1 on, and one behind it at
+ * 3 m: ways to images at 4 m cross the front at half of their x. */
+static void a_wall_mirrors_between_its_ends_and_little_beyond(void **state)
+{
+    (void)state;
+    const double from[3] = {0, 0, 0};
+    const struct wall_gate walls[3] = {
+        {1, {.normal = {0, 0, 1}, .distance_m = 2, .ends_m = {-1, 3}}, {0, 20}},
+        {2, {.normal = {0, 0, 1}, .distance_m = 2, .ends_m = {-5, -3}}, {0, 20}},
+        {3, {.normal = {0, 0, 1}, .distance_m = 3, .ends_m = {-4, 4}}, {0, 20}}};
+    const double on_first[3] = {1.8, 0, 4}, past[3] = {2.8, 0, 4};
+    const double through[3] = {4, 0, 4}, on_second[3] = {6.2, 0, 4};
+    const double beyond[3] = {-8, 0, 4};
+    assert_int_equal(wall_that_mirrored(walls, 2, from, on_first), 0);
+    assert_int_equal(wall_that_mirrored(walls, 2, from, past), 0); /* by 0.4 m */
+    assert_int_equal(wall_that_mirrored(walls, 2, from, through), 2);
+    assert_int_equal(wall_that_mirrored(walls, 2, from, on_second), 1);
+    assert_int_equal(wall_that_mirrored(walls, 2, from, beyond), 2);
+    /* who stands in the opening's middle stands before the third one */
+    assert_int_equal(wall_that_mirrored(walls, 3, from, through), 2);
+    assert_int_equal(wall_that_mirrored(walls, 3, from, past), 2); /* at x = 2.1 */
+    assert_int_equal(wall_that_mirrored(walls, 3, from, on_first), 0);
+}
+
 static void the_first_wall_on_the_way_mirrored_it(void **state)
 {
     (void)state;
@@ -400,6 +496,9 @@ int main(void)
         cmocka_unit_test(a_turn_is_undone_by_the_difference),
         cmocka_unit_test(a_moved_wall_is_the_same_wall),
         cmocka_unit_test(a_wall_is_the_same_from_both_sides),
+        cmocka_unit_test(the_ends_of_a_wall_move_with_it),
+        cmocka_unit_test(how_far_beyond_an_end_is_told_along_the_wall),
+        cmocka_unit_test(a_wall_mirrors_between_its_ends_and_little_beyond),
         cmocka_unit_test(the_first_wall_on_the_way_mirrored_it),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
