@@ -12,6 +12,9 @@ static int take_wall(struct wall_gate *out, const Anlos__Wall *m, struct error *
         return error_say(why, -EINVAL, "a wall without id, normal or distance");
     if (m->n_covariance != 0 && m->n_covariance != 6)
         return error_say(why, -EINVAL, "wall %u has a covariance that is none", m->id);
+    if (m->n_ends_m != 0 && m->n_ends_m != 2)
+        return error_say(why, -EINVAL, "wall %u has %zu ends, expected 2 or none", m->id,
+                         m->n_ends_m);
     *out =
         (struct wall_gate){.id = m->id,
                            .plane = {.normal = {m->normal->x, m->normal->y, m->normal->z},
@@ -19,6 +22,8 @@ static int take_wall(struct wall_gate *out, const Anlos__Wall *m, struct error *
                            .gate_m = {m->gate_near_m, m->gate_far_m}};
     if (m->n_covariance)
         memcpy(out->plane.covariance, m->covariance, sizeof out->plane.covariance);
+    if (m->n_ends_m)
+        memcpy(out->plane.ends_m, m->ends_m, sizeof out->plane.ends_m);
     return 0;
 }
 
@@ -81,6 +86,10 @@ static Anlos__Wall *set_wall(const struct walls *w, size_t i, struct walls_view 
         m->n_covariance = 6;
         m->covariance =
             (double *)(uintptr_t)from->plane.covariance; /* packing only reads */
+    }
+    if (wall_ends(&from->plane)) {
+        m->n_ends_m = 2;
+        m->ends_m = (double *)(uintptr_t)from->plane.ends_m;
     }
     return m;
 }

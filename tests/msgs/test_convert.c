@@ -390,7 +390,8 @@ static void walls_come_back(void **state)
         .list = {{.id = 21,
                   .plane = {.normal = {0.6, 0.0, 0.8},
                             .distance_m = 2.2,
-                            .covariance = {1e-4, 2e-5, 3e-5, 4e-4, 5e-5, 6e-4}},
+                            .covariance = {1e-4, 2e-5, 3e-5, 4e-4, 5e-5, 6e-4},
+                            .ends_m = {-1.5, 1.0 / 3.0}},
                   .gate_m = {0.7, 8.0}},
                  {.id = 22,
                   .plane = {.normal = {1.0 / 3.0, 2.0 / 3.0, 2.0 / 3.0},
@@ -410,6 +411,8 @@ static void walls_come_back(void **state)
     assert_string_equal(came->text, "all is well");
     assert_int_equal(came->walls[0]->n_covariance, 6);
     assert_int_equal(came->walls[1]->n_covariance, 0);
+    assert_int_equal(came->walls[0]->n_ends_m, 2);
+    assert_int_equal(came->walls[1]->n_ends_m, 0);
     assert_int_equal(walls_from_message(&back, came, NULL), 0);
     assert_int_equal(back.n, 2);
     for (size_t i = 0; i < 2; i++) {

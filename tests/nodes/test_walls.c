@@ -39,8 +39,10 @@ static void what_is_no_wall_is_refused(void **state)
     (void)state;
     static const char *const words[] = {
         "without id", "length 1.1",   "without id", "covariance", "covariance",
-        "covariance", "gate 10 to 9", "corners",    "no number",  "without id"};
-    for (int k = 0; k < 10; k++) {
+        "covariance", "gate 10 to 9", "corners",    "no number",  "without id",
+        "1 ends",     "from < to",    "from < to"};
+    static double ends[3][2] = {{-1, 1}, {1, -1}, {-1, INFINITY}};
+    for (int k = 0; k < 13; k++) {
         struct wall_message m;
         struct walls w;
         struct error why = {""};
@@ -64,6 +66,9 @@ static void what_is_no_wall_is_refused(void **state)
         else if (k == 8) {
             m.list.n_free_view_m = 6;
             memcpy(m.free_view_m, (double[]){0, 0, 1, NAN, 0, 2}, 6 * sizeof(double));
+        } else if (k >= 10) {
+            m.wall.n_ends_m = k == 10 ? 1 : 2;
+            m.wall.ends_m = ends[k - 10];
         } else
             m.wall.id = 0;
         assert_int_equal(walls_from_message(&w, &m.list, &why), -EINVAL);
@@ -104,7 +109,8 @@ static void correlations_must_be_possible_together(void **state)
 /* The array stands 3.6 m before the vehicle's origin and looks forward, its x to the
  * left: 5 m before the origin is 1.4 m before the array.  It is 0.2 m to the side, so a
  * turn of the wall about the vehicle's upright changes its distance by 0.2 m for each
- * radian. */
+ * radian.  It ends 1 m to the left of the vehicle and 2 m to the right, 0.8 and 2.2 m of
+ * the array. */
 static void a_given_wall_comes_from_the_vehicle_frame(void **state)
 {
     (void)state;
@@ -114,7 +120,10 @@ static void a_given_wall_comes_from_the_vehicle_frame(void **state)
                              .mount_y_axis = {0, 0, 1}};
     struct wall_message m;
     struct walls w;
+    double ends[2] = {-1.0, 2.0};
     wall_message_make(&m);
+    m.wall.n_ends_m = 2;
+    m.wall.ends_m = ends;
     assert_int_equal(walls_from_message(&w, &m.list, NULL), 0);
     walls_to_array(&w, &s);
     const struct wall *p = &w.list[0].plane;
@@ -123,12 +132,18 @@ static void a_given_wall_comes_from_the_vehicle_frame(void **state)
     assert_near(p->covariance[0], 1e-4, 1e-15);
     assert_near(p->covariance[5], 4e-4 + 0.04e-4, 1e-12);
     assert_near(fabs(p->covariance[2]), 0.2e-4, 1e-12);
+    assert_near(p->ends_m[0], -0.8, 1e-12);
+    assert_near(p->ends_m[1], 2.2, 1e-12);
     m.normal.x = -1.0; /* the same wall, told from its other side */
     m.wall.distance_m = -5.0;
+    ends[0] = -2.0;
+    ends[1] = 1.0;
     assert_int_equal(walls_from_message(&w, &m.list, NULL), 0);
     walls_to_array(&w, &s);
     assert_near(p->normal[2], 1.0, 1e-12);
     assert_near(p->distance_m, 1.4, 1e-12);
+    assert_near(p->ends_m[0], -0.8, 1e-12);
+    assert_near(p->ends_m[1], 2.2, 1e-12);
 }
 
 /* 0.5 m forward and 90 degrees to the left: what was ahead is to the right. */
@@ -141,12 +156,18 @@ static void walls_stay_where_they_are_when_the_vehicle_moves(void **state)
                              .mount_y_axis = {0, 0, 1}};
     const struct ego_step step = {0.5, 0.0, 0.5 * M_PI};
     struct walls w = {
-        .n = 1, .list = {{.id = 1, .plane = {.normal = {0, 0, 1}, .distance_m = 2.0}}}};
+        .n = 1,
+        .list = {
+            {.id = 1,
+             .plane = {.normal = {0, 0, 1}, .distance_m = 2.0, .ends_m = {-1.0, 1.5}}}}};
     walls_step(&w, &s, &step);
     /* The wall is 3 m before the old origin, so 2.5 m to the right of the new one, and of
-     * the array, which stands 1 m ahead of it along the wall. */
+     * the array, which stands 1 m ahead of it along the wall.  Its end on the left is
+     * beside the array then, and that on the right 2.5 m behind it: along -z. */
     assert_near(w.list[0].plane.normal[0], -1.0, 1e-12);
     assert_near(w.list[0].plane.distance_m, 2.5, 1e-12);
+    assert_near(w.list[0].plane.ends_m[0], 0.0, 1e-12);
+    assert_near(w.list[0].plane.ends_m[1], 2.5, 1e-12);
 }
 
 static void a_survey_names_one_wall_or_several(void **state)

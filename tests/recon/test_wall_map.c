@@ -209,6 +209,39 @@ static void given_walls_are_carried_to_the_present_and_keep_their_ids(void **sta
     free(k);
 }
 
+/* Driving along a wall on the right: its far end comes nearer by the way, and it keeps
+ * what was given first until it is given anew. */
+static void given_walls_keep_their_ends(void **state)
+{
+    (void)state;
+    struct wall_map *k = make(WALL_FROM_TOPIC, &nothing);
+    struct walls given = {
+        .n = 1,
+        .list = {
+            {.id = 3,
+             .plane = {.normal = {0, -1, 0}, .distance_m = 2.0, .ends_m = {-5.0, 1.0}}}}};
+    /* To the right of who looks at it is behind: it reaches 5 m ahead. */
+    drive(k, 2.0, 0.0, 2.0);
+    wall_map_advance(k, SECOND / 2);
+    assert_int_equal(wall_map_given(k, &given, SECOND / 2, NULL), 0);
+    wall_map_advance(k, SECOND);
+    const struct wall *w = &wall_map_list(k)->list[0].plane;
+    assert_near(w->normal[0], -1.0, 1e-9); /* the array's x is to the left */
+    assert_near(w->ends_m[0], -4.0, 1e-6);
+    assert_near(w->ends_m[1], 2.0, 1e-6);
+    given.unseen_s[0] = 0.2;
+    given.list[0].plane.ends_m[0] = -9.0;
+    assert_int_equal(wall_map_given(k, &given, SECOND, NULL), 0);
+    assert_near(wall_map_list(k)->list[0].plane.ends_m[0], -4.0, 1e-6);
+    given.unseen_s[0] = 0.0;
+    assert_int_equal(wall_map_given(k, &given, SECOND, NULL), 0);
+    assert_near(wall_map_list(k)->list[0].plane.ends_m[0], -9.0, 1e-6);
+    memset(given.list[0].plane.ends_m, 0, sizeof given.list[0].plane.ends_m);
+    assert_int_equal(wall_map_given(k, &given, SECOND, NULL), 0);
+    assert_false(wall_ends(&wall_map_list(k)->list[0].plane));
+    free(k);
+}
+
 /* Also when as many others were known, and no one more: what lies behind a full list is
  * none of it. */
 static void as_many_walls_as_there_may_be_are_all_told(void **state)
@@ -311,6 +344,7 @@ int main(void)
         cmocka_unit_test(without_ego_motion_walls_are_lost_and_it_says_why),
         cmocka_unit_test(what_cannot_be_told_is_said),
         cmocka_unit_test(given_walls_are_carried_to_the_present_and_keep_their_ids),
+        cmocka_unit_test(given_walls_keep_their_ends),
         cmocka_unit_test(as_many_walls_as_there_may_be_are_all_told),
         cmocka_unit_test(what_the_vehicle_does_not_say_of_a_wall_s_errors_is_assumed),
         cmocka_unit_test(all_walls_of_a_look_are_told),
