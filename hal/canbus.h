@@ -84,7 +84,7 @@ int canbus_flush(struct canbus *b);
  * one's own never are.  The first is EgoMotion: a simulated vehicle talks to that sensor.
  * n: up to CANBUS_MAX_INPUTS.  0, -EINVAL, -EOPNOTSUPP (nothing ever comes over this
  * bus), a negative errno of the socket. */
-enum { CANBUS_MAX_INPUTS = 4 };
+enum { CANBUS_MAX_INPUTS = 5 };
 int canbus_listen(struct canbus *b, const uint32_t *ids, size_t n);
 
 /* The oldest frame that has come and was not taken yet.  came_ns: when it was on the bus,

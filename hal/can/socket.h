@@ -11,7 +11,7 @@
 #include "dsp/error.h"
 #include "msgs/can/frames.h"
 
-enum { CAN_SOCKET_MAX_IDS = 20 };
+enum { CAN_SOCKET_MAX_IDS = 21 };
 
 struct can_link {
     bool up;

@@ -131,6 +131,12 @@ void can_pack_wall_in(struct can_frame_data *out, uint32_t base,
     pack(out, base, CAN_ID_WALL_IN, w);
 }
 
+void can_pack_wall_ends_in(struct can_frame_data *out, uint32_t base,
+                           const struct can_wall_ends_in *w)
+{
+    pack(out, base, CAN_ID_WALL_ENDS_IN, w);
+}
+
 void can_pack_save_request(struct can_frame_data *out, uint32_t base,
                            const struct can_save_request *r)
 {
@@ -200,6 +206,11 @@ int can_unpack_ambient(const struct can_frame_data *f, struct can_ambient *out)
 int can_unpack_wall_in(const struct can_frame_data *f, struct can_wall_in *out)
 {
     return unpack(f, CAN_ID_WALL_IN, out);
+}
+
+int can_unpack_wall_ends_in(const struct can_frame_data *f, struct can_wall_ends_in *out)
+{
+    return unpack(f, CAN_ID_WALL_ENDS_IN, out);
 }
 
 int can_unpack_save_request(const struct can_frame_data *f, struct can_save_request *out)

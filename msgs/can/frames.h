@@ -157,6 +157,15 @@ struct can_wall_in {
     double sigma_azimuth_rad, sigma_distance_m;
 };
 
+/* From the vehicle, before its WallIn: where that wall ends, along it from the foot of
+ * the perpendicular from the vehicle's origin, positive to the left of who looks from
+ * there at the wall. */
+struct can_wall_ends_in {
+    uint8_t id;                 /* as in WallIn */
+    enum can_validity validity; /* not valid: not known to end */
+    double from_m, to_m;        /* on the right, on the left; from < to */
+};
+
 /* From the vehicle, every second, and every 100 ms while something happens: keep what was
  * heard. */
 struct can_save_request {
@@ -195,6 +204,8 @@ void can_pack_ambient(struct can_frame_data *out, uint32_t base,
                       const struct can_ambient *a);
 void can_pack_wall_in(struct can_frame_data *out, uint32_t base,
                       const struct can_wall_in *w);
+void can_pack_wall_ends_in(struct can_frame_data *out, uint32_t base,
+                           const struct can_wall_ends_in *w);
 void can_pack_save_request(struct can_frame_data *out, uint32_t base,
                            const struct can_save_request *r);
 
@@ -212,6 +223,7 @@ int can_unpack_object_fd(const struct can_frame_data *f, struct can_object *out)
 int can_unpack_ego_motion(const struct can_frame_data *f, struct can_ego_motion *out);
 int can_unpack_ambient(const struct can_frame_data *f, struct can_ambient *out);
 int can_unpack_wall_in(const struct can_frame_data *f, struct can_wall_in *out);
+int can_unpack_wall_ends_in(const struct can_frame_data *f, struct can_wall_ends_in *out);
 int can_unpack_save_request(const struct can_frame_data *f, struct can_save_request *out);
 
 #endif

@@ -404,6 +404,14 @@ static const struct can_signal wall_in[] = {
     {"Validity",      "",    62, 2,  CHOICE, 1,    0, 0,      1,     3,      IN(can_wall_in, validity), validities},
 };
 
+static const struct can_signal wall_ends_in[] = {
+    E2E_P11,
+    {"From",     "m", 16, 12, NUMBER, 0.05, 0, -2047, 2047, -2048, IN(can_wall_ends_in, from_m), NULL},
+    {"To",       "m", 28, 12, NUMBER, 0.05, 0, -2047, 2047, -2048, IN(can_wall_ends_in, to_m), NULL},
+    {"WallId",   "",  58, 4,  NUMBER, 1,    0, 0,     15,   NEVER, IN(can_wall_ends_in, id), NULL},
+    {"Validity", "",  62, 2,  CHOICE, 1,    0, 0,     1,    3,     IN(can_wall_ends_in, validity), validities},
+};
+
 static const struct can_signal save_request[] = {
     E2E_P11,
     {"Number",  "", 16, 16, COUNTER, 1, 0, 0, 65535, NEVER, IN(can_save_request, number), NULL},
@@ -424,6 +432,7 @@ static const struct can_message messages[] = {
     {"ObjectQuality",  CAN_ID_OBJECT_QUALITY,  8,  false, false, 0,    CAN_PROFILE_11_NIBBLE, SIGNALS(object_quality)},
     {"ObjectMotion",   CAN_ID_OBJECT_MOTION,   8,  false, false, 0,    CAN_PROFILE_11_NIBBLE, SIGNALS(object_motion)},
     {"ObjectFD",       CAN_ID_OBJECT_FD,       64, true,  false, 0,    CAN_PROFILE_05,        SIGNALS(object_fd)},
+    {"WallEndsIn",     CAN_ID_WALL_ENDS_IN,    8,  false, true,  100,  CAN_PROFILE_11_NIBBLE, SIGNALS(wall_ends_in)},
     {"EgoMotion",      CAN_ID_EGO_MOTION,      8,  false, true,  20,   CAN_PROFILE_11_NIBBLE, SIGNALS(ego_motion)},
     {"Ambient",        CAN_ID_AMBIENT,         8,  false, true,  1000, CAN_PROFILE_11_NIBBLE, SIGNALS(ambient)},
     {"WallIn",         CAN_ID_WALL_IN,         8,  false, true,  100,  CAN_PROFILE_11_NIBBLE, SIGNALS(wall_in)},

@@ -3,6 +3,7 @@
 
 #include <math.h>
 #include <stdio.h>
+#include <string.h>
 
 #include "msgs/can/frames.h"
 #include "recon/ego.h"
@@ -14,10 +15,10 @@
  * loop of up to 12 old frames comes to two wrong ones in 13, and longer ones look to the
  * counter of 15 like lost frames (CAN_MAX_DELTA) or like none.  Known with the 13th, 240
  * ms after the first. WallIn mirrors whatever is seen, ten times a second: of 6 one may
- * be wrong; known with the 6th, 500 ms after the first. Ambient comes once a second and
- * changes slowly: it has to be heard twice, and one of the newest three has to be good,
- * which is as long as a temperature is kept.  So it is of SaveRequest, which takes two
- * good frames more (inbox_save).
+ * be wrong; known with the 6th, 500 ms after the first. So it is of where walls end.
+ * Ambient comes once a second and changes slowly: it has to be heard twice, and one of
+ * the newest three has to be good, which is as long as a temperature is kept.  So it is
+ * of SaveRequest, which takes two good frames more (inbox_save).
  *
  * In VALID a wrong frame is allowed, damaged or not (of Ambient two of three, one of them
  * damaged); of 256 that are damaged the CRC misses one, so none is allowed on the way
@@ -53,6 +54,12 @@ static const struct input {
                             "save_request_invalid",
                             INBOX_SAVE_NS,
                             {3, 1, 0, 1, 1, 2, 0}},
+    [INBOX_WALL_ENDS_IN] = {CAN_ID_WALL_ENDS_IN,
+                            INBOX_WALL_ENDS,
+                            "WallEndsIn",
+                            "wall_ends_in_invalid",
+                            INBOX_WALL_NS,
+                            {6, 5, 0, 5, 1, 6, 0}},
 };
 
 void inbox_init(struct inbox *i, uint32_t base)
@@ -115,6 +122,11 @@ static void fill_wall(struct inbox_wall *w, const struct can_wall_in *in, int64_
     w->message.distance_m = in->distance_m;
     w->message.existence = 1.0;
     w->given_ns = now_ns;
+    if (w->ends_ns && now_ns - w->ends_ns <= INBOX_WALL_NS) {
+        memcpy(w->ends_m, w->next_ends_m, sizeof w->ends_m);
+        w->message.ends_m = w->ends_m;
+        w->message.n_ends_m = 2;
+    }
     if (isnan(in->sigma_azimuth_rad) || isnan(in->sigma_distance_m))
         return;
     w->covariance[0] = in->sigma_azimuth_rad * in->sigma_azimuth_rad;
@@ -155,9 +167,31 @@ static enum inbox_kind take_wall(struct inbox *i, const struct can_frame_data *f
     if (known)
         fill_wall(&i->walls[in.id - 1], &in, now_ns);
     else
-        i->walls[in.id - 1].given_ns = 0;
+        i->walls[in.id - 1].given_ns = i->walls[in.id - 1].ends_ns = 0;
     list_walls(i, now_ns);
     return INBOX_WALLS_GIVEN;
+}
+
+/* The level axis of a wall goes to the right of who looks at it from the vehicle. */
+static enum inbox_kind take_ends(struct inbox *i, const struct can_frame_data *f,
+                                 int64_t now_ns)
+{
+    struct can_wall_ends_in in;
+
+    if (can_unpack_wall_ends_in(f, &in))
+        return INBOX_WRONG;
+    if (!in.id || in.id > INBOX_WALLS || in.validity == CAN_VALIDITY_UNKNOWN)
+        return INBOX_NOTHING;
+    struct inbox_wall *w = &i->walls[in.id - 1];
+    w->ends_ns = 0;
+    if (in.validity != CAN_VALID || isnan(in.from_m) || isnan(in.to_m))
+        return INBOX_NOTHING;
+    if (!(in.from_m < in.to_m))
+        return INBOX_WRONG;
+    w->next_ends_m[0] = -in.to_m;
+    w->next_ends_m[1] = -in.from_m;
+    w->ends_ns = now_ns;
+    return INBOX_NOTHING;
 }
 
 static bool was_taken(const struct inbox_save *s, uint16_t number)
@@ -247,6 +281,8 @@ enum inbox_kind inbox_take(struct inbox *i, const struct can_frame_data *f,
         kind = take_ambient(i, f);
     else if (kind == INBOX_WALLS_GIVEN)
         kind = take_wall(i, f, came_ns);
+    else if (kind == INBOX_WALL_ENDS)
+        kind = take_ends(i, f, came_ns);
     else if (kind == INBOX_SAVE)
         kind = take_save(i, f);
     else if (input == INBOX_SAVE_REQUEST)
@@ -333,7 +369,7 @@ bool inbox_walls_end(struct inbox *i, int64_t now_ns)
 
     for (size_t k = 0; k < INBOX_WALLS; k++)
         if (i->walls[k].given_ns && !is_known(&i->walls[k], now_ns)) {
-            i->walls[k].given_ns = 0;
+            i->walls[k].given_ns = i->walls[k].ends_ns = 0;
             end = true;
         }
     if (end)

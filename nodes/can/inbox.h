@@ -31,6 +31,7 @@ enum inbox_input {
     INBOX_AIR,
     INBOX_WALL_IN,
     INBOX_SAVE_REQUEST,
+    INBOX_WALL_ENDS_IN,
     INBOX_INPUTS
 };
 enum { INBOX_COUNTS = 3 + INBOX_INPUTS, INBOX_TEXT_SIZE = 128 };
@@ -41,6 +42,8 @@ enum inbox_kind {
     INBOX_EGO,
     INBOX_AMBIENT,
     INBOX_WALLS_GIVEN,
+    INBOX_WALL_ENDS, /* inside: they go with the wall's next frame, which is what brings
+                      */
     INBOX_SAVE,      /* an event: save once */
     INBOX_SAVE_AGAIN /* a request that is none: its number was taken, or it had begun
                         before anybody heard that there was none */
@@ -50,7 +53,10 @@ struct inbox_wall {
     Anlos__Wall message;
     Anlos__Vec3 normal;
     double covariance[6];
-    int64_t given_ns; /* 0: not known */
+    double ends_m[2];      /* of the message */
+    int64_t given_ns;      /* 0: not known */
+    double next_ends_m[2]; /* said for the frames to come; along the level axis */
+    int64_t ends_ns;       /* when; 0: not known to end */
 };
 
 /* One event saves once, whatever a sender or a gateway repeats: its number has to come

@@ -220,6 +220,7 @@ static void receive(struct vehicle *v)
             watch_wrong_input(&v->watch);
             break;
         case INBOX_NOTHING:
+        case INBOX_WALL_ENDS:
             break;
         }
     }

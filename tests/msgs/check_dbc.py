@@ -28,12 +28,13 @@ MESSAGES = {  # identifier: name, bytes, sender, cycle time
     0x404: ("ObjectState", 8, "Anlos", 0), 0x405: ("ObjectDynamics", 8, "Anlos", 0),
     0x406: ("ObjectQuality", 8, "Anlos", 0), 0x407: ("ObjectMotion", 8, "Anlos", 0),
     0x408: ("ObjectFD", 64, "Anlos", 0),
+    0x40B: ("WallEndsIn", 8, "Vehicle", 100),
     0x40C: ("EgoMotion", 8, "Vehicle", 20), 0x40D: ("Ambient", 8, "Vehicle", 1000),
     0x40E: ("WallIn", 8, "Vehicle", 100), 0x40F: ("SaveRequest", 8, "Vehicle", 1000),
 }
 CYCLIC, EVENT, BOTH = "Cyclic", "Event", "CyclicAndEvent"
 SEND_TYPES = {"Status": BOTH, "Diagnosis": CYCLIC, "EgoMotion": CYCLIC, "Ambient": CYCLIC,
-              "WallIn": CYCLIC, "SaveRequest": BOTH}  # the others: with each list
+              "WallIn": CYCLIC, "WallEndsIn": CYCLIC, "SaveRequest": BOTH}  # the others: with each list
 ROUNDED_UP = {"SigmaX", "SigmaY", "SigmaV", "SigmaAzimuth", "SigmaDistance", "SigmaCourse",
               "SigmaVx", "SigmaVy"}
 failures = []
@@ -263,11 +264,14 @@ def inputs():
         yield "WallIn", {"Azimuth": round(-180 + 9.23 * i, 2), "Distance": round(1.02 * i, 2),
                          "SigmaAzimuth": round(0.3 * i, 1), "SigmaDistance": 0.03 * i,
                          "WallId": i % 16, "Validity": i % 2}
+        yield "WallEndsIn", {"From": round(-102.35 + 2.6 * i, 2), "To": round(90 - 3.1 * i, 2),
+                             "WallId": i % 16, "Validity": i % 2}
         yield "SaveRequest", {"Number": 1638 * i, "Reason": i % 8, "Request": i % 2}
     yield "EgoMotion", {"Speed": None, "YawRate": None, "Standstill": 1, "Validity": 0}
     yield "Ambient", {"Temperature": None, "Humidity": None}
     yield "WallIn", {"Azimuth": None, "Distance": None, "SigmaAzimuth": None,
                      "SigmaDistance": None, "WallId": 1, "Validity": 1}
+    yield "WallEndsIn", {"From": None, "To": None, "WallId": 1, "Validity": 1}
     for ends in (min, max):
         yield "EgoMotion", {"Speed": ends(-327.67, 327.67), "YawRate": ends(-327.67, 327.67),
                             "Standstill": 0, "Validity": 1}

@@ -244,6 +244,11 @@ static void print_inputs(void)
         printf("# WallIn Azimuth=%.9g Distance=%.9g SigmaAzimuth=%.9g SigmaDistance=%.9g "
                "WallId=%u Validity=%u\n",
                v * degrees, v, v * degrees, v, i, choice);
+        can_pack_wall_ends_in(&f, CAN_BASE_DEFAULT,
+                              &(struct can_wall_ends_in){(uint8_t)i, choice, v, -v});
+        print_frame(&f);
+        printf("# WallEndsIn From=%.9g To=%.9g WallId=%u Validity=%u\n", v, -v, i,
+               choice);
         can_pack_save_request(
             &f, CAN_BASE_DEFAULT,
             &(struct can_save_request){(uint16_t)(13107 * i), i + 2, choice});

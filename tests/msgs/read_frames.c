@@ -17,6 +17,7 @@ static void print_input(const struct can_frame_data *f)
     struct can_ego_motion e;
     struct can_ambient a;
     struct can_wall_in w;
+    struct can_wall_ends_in x;
     struct can_save_request r;
     if (f->id == CAN_BASE_DEFAULT + CAN_ID_EGO_MOTION && !can_unpack_ego_motion(f, &e))
         printf("Speed=%.9g YawRate=%.9g Standstill=%u Validity=%u\n", e.speed_m_s,
@@ -28,6 +29,10 @@ static void print_input(const struct can_frame_data *f)
                "WallId=%u Validity=%u\n",
                w.azimuth_rad * degrees, w.distance_m, w.sigma_azimuth_rad * degrees,
                w.sigma_distance_m, w.id, w.validity);
+    else if (f->id == CAN_BASE_DEFAULT + CAN_ID_WALL_ENDS_IN &&
+             !can_unpack_wall_ends_in(f, &x))
+        printf("From=%.9g To=%.9g WallId=%u Validity=%u\n", x.from_m, x.to_m, x.id,
+               x.validity);
     else if (f->id == CAN_BASE_DEFAULT + CAN_ID_SAVE_REQUEST &&
              !can_unpack_save_request(f, &r))
         printf("Number=%u Reason=%u Request=%u\n", r.number, r.reason, r.request);

@@ -486,6 +486,15 @@ static void what_the_vehicle_says_is_read_back(void **state)
     assert_int_equal(raw(&f, "WallIn", "SigmaDistance"), 4);
     assert_int_equal(raw(&f, "WallIn", "WallId"), 5);
     assert_int_equal(raw(&f, "WallIn", "Validity"), 1);
+
+    const struct can_wall_ends_in ends = {
+        .id = 5, .validity = CAN_VALID, .from_m = -3.15, .to_m = 0.6};
+    can_pack_wall_ends_in(&f, 0x400, &ends);
+    assert_frame(&f, 0x40b);
+    assert_int_equal(raw(&f, "WallEndsIn", "From"), -63);
+    assert_int_equal(raw(&f, "WallEndsIn", "To"), 12);
+    assert_int_equal(raw(&f, "WallEndsIn", "WallId"), 5);
+    assert_int_equal(raw(&f, "WallEndsIn", "Validity"), 1);
 }
 
 /* Bytes by hand: 0x0102 * 0.01 m/s, -0x0102 * 0.01 deg/s, standing, valid. */
@@ -525,6 +534,23 @@ static void the_vehicles_frames_are_unpacked_from_their_bytes(void **state)
     assert_true(fabs(w.sigma_distance_m - 0.2) < 1e-9);
     assert_int_equal(w.id, 3);
     assert_int_equal(w.validity, CAN_VALID);
+}
+
+/* -100 * 0.05 m = 0xf9c, 60 * 0.05 m = 0x03c, wall 3, valid; then -2048, not available.
+ */
+static void the_ends_of_walls_are_unpacked_from_their_bytes(void **state)
+{
+    (void)state;
+    struct can_frame_data f = {.size = 8, .data = {0, 0, 0x9c, 0xcf, 0x03, 0, 0, 0x4c}};
+    struct can_wall_ends_in e;
+    assert_int_equal(can_unpack_wall_ends_in(&f, &e), 0);
+    assert_true(fabs(e.from_m + 5.0) < 1e-9 && fabs(e.to_m - 3.0) < 1e-9);
+    assert_int_equal(e.id, 3);
+    assert_int_equal(e.validity, CAN_VALID);
+    f = (struct can_frame_data){.size = 8, .data = {0, 0, 0x00, 0x08, 0x80, 0, 0, 0xcc}};
+    assert_int_equal(can_unpack_wall_ends_in(&f, &e), 0);
+    assert_true(isnan(e.from_m) && isnan(e.to_m));
+    assert_int_equal(e.validity, CAN_VALIDITY_UNKNOWN);
 }
 
 /* Raw values beside those of the DBC's ranges, that are not NotAvailable. */
@@ -666,6 +692,7 @@ int main(void)
         cmocka_unit_test(an_fd_object_knows_what_it_does_not_know),
         cmocka_unit_test(what_the_vehicle_says_is_read_back),
         cmocka_unit_test(the_vehicles_frames_are_unpacked_from_their_bytes),
+        cmocka_unit_test(the_ends_of_walls_are_unpacked_from_their_bytes),
         cmocka_unit_test(what_the_vehicle_says_out_of_range_is_not_available),
         cmocka_unit_test(frames_of_another_size_or_kind_are_refused),
         cmocka_unit_test(an_object_goes_there_and_back),

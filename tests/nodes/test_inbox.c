@@ -82,6 +82,16 @@ static enum inbox_kind give_wall(struct rig *r, uint8_t id, enum can_validity v)
     return give(r, &f);
 }
 
+static enum inbox_kind give_ends(struct rig *r, uint8_t id, enum can_validity v,
+                                 double from_m, double to_m)
+{
+    const struct can_wall_ends_in ends = {id, v, from_m, to_m};
+    struct can_frame_data f;
+
+    can_pack_wall_ends_in(&f, 0x420, &ends);
+    return give(r, &f);
+}
+
 /* One that knows each input: as many frames as it takes, none of which says anything. */
 static void start(struct rig *r)
 {
@@ -95,21 +105,24 @@ static void start(struct rig *r)
         assert_int_equal(give_wall(r, 0, CAN_INVALID), INBOX_NOTHING);
     can_pack_ambient(&f, 0x420, &no_air);
     assert_int_equal(give(r, &f), INBOX_NOTHING);
+    for (int i = 0; i < 5; i++)
+        assert_int_equal(give_ends(r, 0, CAN_INVALID, 0, 0), INBOX_NOTHING);
     r->inbox.unbelieved = 0;
 }
 
-static void the_four_inputs_of_this_sensor_are_listened_to(void **state)
+static void the_five_inputs_of_this_sensor_are_listened_to(void **state)
 {
     struct rig r;
     uint32_t ids[CANBUS_MAX_INPUTS];
 
     (void)state;
     start(&r);
-    assert_int_equal(inbox_ids(&r.inbox, ids), 4);
+    assert_int_equal(inbox_ids(&r.inbox, ids), 5);
     assert_int_equal(ids[0], 0x42c);
     assert_int_equal(ids[1], 0x42d);
     assert_int_equal(ids[2], 0x42e);
     assert_int_equal(ids[3], 0x42f);
+    assert_int_equal(ids[4], 0x42b);
 }
 
 static void motion_is_said_as_the_vehicle_says_it(void **state)
@@ -552,6 +565,59 @@ static void air_and_walls_that_are_stuck_are_not_believed_either(void **state)
     assert_true(inbox_doubts(&r.inbox));
 }
 
+/* From 2 m on the right to 1 m on the left: -1 to 2 along the level axis, to the right.
+ */
+static void walls_have_the_ends_that_were_said_before(void **state)
+{
+    struct rig r;
+    (void)state;
+    start(&r);
+    const Anlos__WallList *list = &r.inbox.wall_list;
+    assert_int_equal(give_ends(&r, 2, CAN_VALID, -2.0, 1.0), INBOX_NOTHING);
+    assert_int_equal(list->n_walls, 0); /* ends alone are no wall */
+    give_wall(&r, 1, CAN_VALID);
+    give_wall(&r, 2, CAN_VALID);
+    assert_int_equal(list->n_walls, 2);
+    assert_int_equal(list->walls[0]->n_ends_m, 0);
+    assert_int_equal(list->walls[1]->n_ends_m, 2);
+    assert_near(list->walls[1]->ends_m[0], -1.0, 1e-9);
+    assert_near(list->walls[1]->ends_m[1], 2.0, 1e-9);
+    give_ends(&r, 2, CAN_VALID, -3.0, 1.0); /* of the next frame */
+    give_wall(&r, 1, CAN_VALID);
+    assert_near(list->walls[1]->ends_m[1], 2.0, 1e-9);
+    give_wall(&r, 2, CAN_VALID);
+    assert_near(list->walls[1]->ends_m[1], 3.0, 1e-9);
+}
+
+static void ends_are_forgotten_with_time_and_with_their_wall(void **state)
+{
+    struct rig r;
+    (void)state;
+    start(&r);
+    const Anlos__WallList *list = &r.inbox.wall_list;
+    give_ends(&r, 1, CAN_VALID, -2.0, 1.0);
+    for (int i = 0; i <= 21; i++) { /* wall by wall, until the ends are 2.1 s old */
+        give_wall(&r, 1, CAN_VALID);
+        assert_int_equal(list->walls[0]->n_ends_m, i <= 20 ? 2 : 0);
+        r.now_ns += 100 * MS;
+    }
+    start(&r);
+    give_ends(&r, 1, CAN_VALID, -2.0, 1.0);
+    give_wall(&r, 1, CAN_VALID);
+    give_ends(&r, 1, CAN_INVALID, -2.0, 1.0); /* endless from now on */
+    give_wall(&r, 1, CAN_VALID);
+    assert_int_equal(list->walls[0]->n_ends_m, 0);
+    give_ends(&r, 1, CAN_VALID, -2.0, 1.0);
+    give_wall(&r, 1, CAN_INVALID); /* taken back, ends and all */
+    give_wall(&r, 1, CAN_VALID);
+    assert_int_equal(list->walls[0]->n_ends_m, 0);
+    give_ends(&r, 1, CAN_VALID, -2.0, 1.0);
+    assert_int_equal(give_ends(&r, 1, CAN_VALID, 1.0, 1.0), INBOX_WRONG);
+    assert_int_equal(r.inbox.wrong, 1);
+    give_wall(&r, 1, CAN_VALID);
+    assert_int_equal(list->walls[0]->n_ends_m, 0);
+}
+
 static void damage_air(struct rig *r)
 {
     const struct can_ambient air = {.temperature_c = 20, .humidity = NAN};
@@ -663,17 +729,20 @@ static void what_is_not_believed_is_said_and_counted(void **state)
     drive(&r, 1);
     give_air(&r);
     give_wall(&r, 1, CAN_VALID);
+    give_ends(&r, 1, CAN_VALID, -1.0, 1.0);
     inbox_text(&r.inbox, text, sizeof text);
     assert_string_equal(text, "");
     for (int i = 0; i < 3; i++)
         assert_true(inbox_change(&r.inbox, &s, text, sizeof text));
     assert_string_equal(text, "WallIn valid");
+    assert_true(inbox_change(&r.inbox, &s, text, sizeof text));
+    assert_string_equal(text, "WallEndsIn valid");
     stick(&r);
     inbox_text(&r.inbox, text, sizeof text);
     assert_string_equal(text, "EgoMotion invalid (repeated)");
     assert_true(inbox_change(&r.inbox, &s, text, sizeof text));
     assert_int_equal(s, E2E_INVALID);
-    for (int i = 0; i < 2; i++) {
+    for (int i = 0; i < 3; i++) {
         assert_true(inbox_change(&r.inbox, &s, text, sizeof text));
         assert_int_equal(s, E2E_NODATA); /* nothing else came */
     }
@@ -684,6 +753,7 @@ static void what_is_not_believed_is_said_and_counted(void **state)
     assert_int_equal(count(&r.inbox, "ego_motion_invalid"), 1);
     assert_int_equal(count(&r.inbox, "ambient_invalid"), 0);
     assert_int_equal(count(&r.inbox, "wall_in_invalid"), 0);
+    assert_int_equal(count(&r.inbox, "wall_ends_in_invalid"), 0);
 }
 
 static void what_does_not_fit_is_cut_off(void **state)
@@ -918,7 +988,7 @@ static void a_frame_that_is_no_input_is_wrong_and_nothing_else(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(the_four_inputs_of_this_sensor_are_listened_to),
+        cmocka_unit_test(the_five_inputs_of_this_sensor_are_listened_to),
         cmocka_unit_test(motion_is_said_as_the_vehicle_says_it),
         cmocka_unit_test(motion_ends_once_after_100_ms_of_silence),
         cmocka_unit_test(motion_that_the_vehicle_does_not_trust_is_as_good_as_none),
@@ -943,6 +1013,8 @@ int main(void)
             motion_that_is_every_other_time_of_another_sender_is_not_believed),
         cmocka_unit_test(air_and_walls_that_are_stuck_are_not_believed_either),
         cmocka_unit_test(of_three_of_the_air_one_may_be_damaged),
+        cmocka_unit_test(walls_have_the_ends_that_were_said_before),
+        cmocka_unit_test(ends_are_forgotten_with_time_and_with_their_wall),
         cmocka_unit_test(of_six_walls_one_may_be_damaged),
         cmocka_unit_test(an_input_that_is_silent_has_no_data_and_no_doubt),
         cmocka_unit_test(what_was_wrong_before_a_silence_is_not_said_after_it),
