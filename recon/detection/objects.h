@@ -12,6 +12,7 @@
 #include "recon/grid.h"
 #include "recon/survey.h"
 #include "recon/tracking/track.h"
+#include "recon/walls/field_of_view.h"
 #include "recon/walls/walls.h"
 
 #define OBJECTS_MAX 64
@@ -67,6 +68,8 @@ struct object_list {
     bool ego_unknown; /* the vehicle says no more how it moves: taken to be as it was */
     enum survey_source source;
     double temperature_c, sound_speed_m_s;
+    struct field_of_view view; /* outside, nothing is claimed: neither that anything is
+                                  there nor that nothing is; of a tracker's lists */
     size_t n;
     struct object objects[OBJECTS_MAX]; /* [n]; of an image: strongest first */
 };

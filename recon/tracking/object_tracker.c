@@ -554,6 +554,28 @@ static void list_tracks(struct object_tracker *t, const struct sight *sight,
     }
 }
 
+/* Of tracks, what lies behind a wall that is known; where nobody tells of walls, the
+ * image as it is.  Of what a scan lists, also what is seen directly. */
+static void find_view(const struct object_tracker *t, const struct volume *volume,
+                      const struct sight *sight, struct field_of_view *out)
+{
+    struct wall_gate walls[2 * WALLS_MAX];
+    size_t n = sight->walls->n, kept = 0;
+    bool tracked = is_tracked(t, volume), direct = !tracked || (!t->has_walls && !n);
+
+    out->n = 0;
+    if (tracked && (is_blanked(volume) || !shows_hidden(t, volume, sight)))
+        return;
+    memcpy(walls, sight->walls->list, n * sizeof *walls);
+    memcpy(walls + n, sight->lost->list, sight->lost->n * sizeof *walls);
+    field_of_view_find(out, &t->detector.survey, walls, n + sight->lost->n, n,
+                       sight->grid, INFINITY);
+    for (size_t i = 0; i < out->n; i++)
+        if (direct || out->areas[i].wall)
+            out->areas[kept++] = out->areas[i];
+    out->n = kept;
+}
+
 int object_tracker_volume(struct object_tracker *t, const struct volume *volume,
                           struct object_list *out, struct error *why)
 {
@@ -571,6 +593,7 @@ int object_tracker_volume(struct object_tracker *t, const struct volume *volume,
         return err;
     sight_init(&sight, &t->detector.survey, &walls, &lost, &volume->grid);
     note_lost(t, &sight, out, volume->capture_ns);
+    find_view(t, volume, &sight, &out->view);
     if (!is_tracked(t, volume))
         return 0;
     err = follow(t, volume, &sight, out);
