@@ -94,6 +94,28 @@ static int fill(Anlos__Detection *m, const struct object *o)
     return err || !o->multipath ? err : fill_multipath(m, o);
 }
 
+static int fill_views(Anlos__DetectionList *m, const struct field_of_view *view)
+{
+    m->views = calloc(view->n ? view->n : 1, sizeof *m->views);
+    if (!m->views)
+        return -ENOMEM;
+    for (size_t i = 0; i < view->n; i++) {
+        const struct view_area *from = &view->areas[i];
+        Anlos__ViewArea *a = malloc(sizeof *a);
+        if (!a)
+            return -ENOMEM;
+        anlos__view_area__init(a);
+        m->views[m->n_views++] = a;
+        a->wall = from->wall;
+        a->corners_m = malloc(2 * from->n * sizeof *a->corners_m);
+        if (!a->corners_m)
+            return -ENOMEM;
+        a->n_corners_m = 2 * from->n;
+        memcpy(a->corners_m, from->corners_m, 2 * from->n * sizeof *a->corners_m);
+    }
+    return 0;
+}
+
 int detections_from_objects(Anlos__DetectionList **out, const struct object_list *list)
 {
     Anlos__DetectionList *m = malloc(sizeof *m);
@@ -124,6 +146,8 @@ int detections_from_objects(Anlos__DetectionList **out, const struct object_list
         if (fill(d, &list->objects[i]))
             goto fail;
     }
+    if (fill_views(m, &list->view))
+        goto fail;
     *out = m;
     return 0;
 fail:
@@ -146,6 +170,11 @@ void detections_free(Anlos__DetectionList *list)
         free(m->multipath_of);
         free(m);
     }
+    for (size_t i = 0; i < list->n_views; i++) {
+        free(list->views[i]->corners_m);
+        free(list->views[i]);
+    }
+    free(list->views);
     free(list->detections);
     free(list);
 }

@@ -331,6 +331,9 @@ static void objects_are_listed_as_they_are(void **state)
                                .source = SURVEY_REPLAY,
                                .temperature_c = 4.5,
                                .sound_speed_m_s = 340,
+                               .view = {2,
+                                        {{7, 3, {{1, 2}, {3, 4}, {5, 7}}},
+                                         {0, 4, {{1, 1}, {2, 1}, {2, 2}, {1, 2}}}}},
                                .n = 3};
     Anlos__DetectionList *m;
 
@@ -378,6 +381,13 @@ static void objects_are_listed_as_they_are(void **state)
     assert_null(d->extent_m);
     assert_int_equal(d->n_covariance_m2 + d->n_velocity_m_s, 0);
     assert_true(d->virtual_m->z == 13);
+    assert_int_equal(m->n_views, 2);
+    assert_int_equal(m->views[0]->wall, 7);
+    assert_int_equal(m->views[0]->n_corners_m, 6);
+    for (int i = 0; i < 6; i++)
+        assert_true(m->views[0]->corners_m[i] == i + 1 + (i == 5));
+    assert_int_equal(m->views[1]->wall, 0);
+    assert_int_equal(m->views[1]->n_corners_m, 8);
     detections_free(m);
 }
 

@@ -42,6 +42,7 @@ struct rig {
     int64_t stamp_ns;
     struct told_wall told[MAX_WALLS]; /* as the newest message has them */
     double existence;                 /* of walls, as they are told */
+    double ends_m[2];                 /* of them all; both 0: they are endless */
 };
 
 static void clear(struct rig *r)
@@ -142,6 +143,8 @@ static void tell(struct rig *r, const struct told_wall walls[MAX_WALLS])
         each[m.n_walls].gate_near_m = walls[i].gate_m[0];
         each[m.n_walls].gate_far_m = walls[i].gate_m[1];
         each[m.n_walls].existence = r->existence;
+        each[m.n_walls].ends_m = r->ends_m;
+        each[m.n_walls].n_ends_m = r->ends_m[0] < r->ends_m[1] ? 2 : 0;
         memcpy(covariances[m.n_walls], (double[6]){1e-6, 0, 0, 1e-4, 0, 1e-5},
                sizeof covariances[0]);
         each[m.n_walls].covariance = covariances[m.n_walls];
@@ -591,6 +594,69 @@ static void a_wall_that_nobody_tells_of_is_not_known(void **state)
     assert_false(tracking_has_wall(r->tracking));
 }
 
+static double area_m2(const Anlos__ViewArea *a)
+{
+    double sum = 0.0;
+
+    for (size_t i = 0; i < a->n_corners_m; i += 2) {
+        const double *p = a->corners_m + i, *q = a->corners_m + (i + 2) % a->n_corners_m;
+        sum += p[0] * q[1] - p[1] * q[0];
+    }
+    return 0.5 * sum;
+}
+
+/* The image is 4 m wide, from z = 0.9 to 3.3 m.  A wall that ends half a metre to either
+ * side at 0.8 m shows |x| < 5/8 z of it, all from 3.2 m on.  Of what is seen directly,
+ * past the ends, there are no tracks. */
+static void what_lists_can_tell_of_is_in_them(void **state)
+{
+    struct rig *r = *state;
+    const struct told_wall *const told[] = {ahead, ahead, nowhere};
+    const double m2[] = {4.0 * 2.4, 0.625 * (3.2 * 3.2 - 0.81) + 4.0 * 0.1, 0.0};
+
+    for (int k = 0; k < 3; k++) {
+        r->ends_m[0] = k ? -0.5 : 0.0;
+        r->ends_m[1] = k ? 0.5 : 0.0;
+        tell(r, told[k]);
+        image(r);
+        assert_int_equal(r->list->n_views, k < 2);
+        if (k == 2)
+            continue;
+        assert_int_equal(r->list->views[0]->wall, 7);
+        assert_near(area_m2(r->list->views[0]), m2[k], 1e-9);
+    }
+}
+
+/* He walks past the end, and no sound of him comes any more: that says nothing of him,
+ * but where the wall goes on it says that he is gone. */
+static void who_leaves_the_end_of_a_wall_is_out_of_view_not_missed(void **state)
+{
+    struct rig *r = *state;
+    double existence[2];
+
+    for (int w = 0; w < 2; w++) {
+        r->ends_m[0] = -0.5 * w;
+        r->ends_m[1] = 0.5 * w;
+        for (int k = 0; k < 27; k++) {
+            double x_m = -0.8 + 0.1 * k;
+            tell(r, ahead);
+            if (x_m < 1.25) /* sound by way of (x, -0.4) comes from 0.4 x of the wall */
+                show(r, &ahead[0], x_m, -0.4);
+            image(r);
+        }
+        assert_int_equal(r->list->n_detections, 1);
+        assert_int_equal(r->list->detections[0]->measurement,
+                         ANLOS__MEASUREMENT__PREDICTED);
+        existence[w] = r->list->detections[0]->existence;
+        for (int k = 0; k < 60; k++) {
+            tell(r, nowhere);
+            image(r);
+        }
+    }
+    assert_true(existence[0] < 0.5); /* after six images without him */
+    assert_true(existence[1] > 0.9); /* at the edge he may have been missed once */
+}
+
 #define TEST(f) cmocka_unit_test_setup_teardown(f, setup, teardown)
 
 int main(void)
@@ -601,6 +667,8 @@ int main(void)
         TEST(who_is_heard_no_more_ends_at_the_wall),
         TEST(nobody_is_surer_than_the_wall_that_shows_him),
         TEST(a_wall_that_nobody_tells_of_is_not_known),
+        TEST(what_lists_can_tell_of_is_in_them),
+        TEST(who_leaves_the_end_of_a_wall_is_out_of_view_not_missed),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
