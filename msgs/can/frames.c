@@ -113,6 +113,12 @@ bool can_object_fits(const struct can_object *o, bool fd, size_t offset)
     return fits;
 }
 
+void can_pack_field_of_view(struct can_frame_data *out, uint32_t base,
+                            const struct can_view_corner *c)
+{
+    pack(out, base, CAN_ID_FIELD_OF_VIEW, c);
+}
+
 void can_pack_ego_motion(struct can_frame_data *out, uint32_t base,
                          const struct can_ego_motion *e)
 {
@@ -191,6 +197,11 @@ int can_unpack_object_motion(const struct can_frame_data *f, struct can_object *
 int can_unpack_object_fd(const struct can_frame_data *f, struct can_object *out)
 {
     return unpack(f, CAN_ID_OBJECT_FD, out);
+}
+
+int can_unpack_field_of_view(const struct can_frame_data *f, struct can_view_corner *out)
+{
+    return unpack(f, CAN_ID_FIELD_OF_VIEW, out);
 }
 
 int can_unpack_ego_motion(const struct can_frame_data *f, struct can_ego_motion *out)

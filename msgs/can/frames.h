@@ -135,6 +135,17 @@ struct can_object {
     bool behind_no_wall, in_free_view;
 };
 
+#define CAN_VIEW_AREAS   15
+#define CAN_VIEW_CORNERS 8
+
+struct can_view_corner {     /* of a convex area of the floor that a list can tell of */
+    uint16_t counter;        /* of the list: the low 4 bits */
+    uint8_t wall;            /* by way of which; 0: directly; 15: that or a higher one */
+    uint8_t area;            /* from 0; of all areas of the list */
+    uint8_t corner, corners; /* from 0; how many the area has: 3..8; 0: nothing is seen */
+    double at_m[2];          /* x, y of the vehicle frame */
+};
+
 struct can_ego_motion {    /* from the vehicle, every 20 ms */
     double speed_m_s;      /* of the vehicle's origin, forward */
     double yaw_rate_rad_s; /* positive: to the left */
@@ -198,6 +209,8 @@ void can_pack_object_fd(struct can_frame_data *out, uint32_t base,
  * the FD frame, but for rounding?  False: it is out of the range there, and would be
  * clamped.  What the frames do not carry fits. */
 bool can_object_fits(const struct can_object *o, bool fd, size_t offset);
+void can_pack_field_of_view(struct can_frame_data *out, uint32_t base,
+                            const struct can_view_corner *c);
 void can_pack_ego_motion(struct can_frame_data *out, uint32_t base,
                          const struct can_ego_motion *e);
 void can_pack_ambient(struct can_frame_data *out, uint32_t base,
@@ -220,6 +233,7 @@ int can_unpack_object_dynamics(const struct can_frame_data *f, struct can_object
 int can_unpack_object_quality(const struct can_frame_data *f, struct can_object *out);
 int can_unpack_object_motion(const struct can_frame_data *f, struct can_object *out);
 int can_unpack_object_fd(const struct can_frame_data *f, struct can_object *out);
+int can_unpack_field_of_view(const struct can_frame_data *f, struct can_view_corner *out);
 int can_unpack_ego_motion(const struct can_frame_data *f, struct can_ego_motion *out);
 int can_unpack_ambient(const struct can_frame_data *f, struct can_ambient *out);
 int can_unpack_wall_in(const struct can_frame_data *f, struct can_wall_in *out);

@@ -380,6 +380,17 @@ static const struct can_signal object_fd[] = {
     {"CovarianceZZ",     "m^2", 480, 32, FLOAT,   1,    0, 0,        1000000, NEVER, IN(can_object, covariance_m2[5]), NULL},
 };
 
+static const struct can_signal field_of_view[] = {
+    E2E_P11,
+    {"Counter", "",  16, 4,  COUNTER, 1,    0, 0,     15,   NEVER, IN(can_view_corner, counter), NULL},
+    {"WallId",  "",  20, 4,  NUMBER,  1,    0, 0,     15,   NEVER, IN(can_view_corner, wall), NULL},
+    {"Area",    "",  24, 4,  NUMBER,  1,    0, 0,     14,   NEVER, IN(can_view_corner, area), NULL},
+    {"Corner",  "",  28, 4,  NUMBER,  1,    0, 0,     7,    NEVER, IN(can_view_corner, corner), NULL},
+    {"Corners", "",  32, 4,  NUMBER,  1,    0, 0,     8,    NEVER, IN(can_view_corner, corners), NULL},
+    {"X",       "m", 36, 14, NUMBER,  0.02, 0, -8191, 8191, -8192, IN(can_view_corner, at_m[0]), NULL},
+    {"Y",       "m", 50, 14, NUMBER,  0.02, 0, -8191, 8191, -8192, IN(can_view_corner, at_m[1]), NULL},
+};
+
 static const struct can_signal ego_motion[] = {
     E2E_P11,
     {"Speed",      "m/s",   16, 16, NUMBER, 0.01, 0, -32767, 32767, -32768, IN(can_ego_motion, speed_m_s), NULL},
@@ -432,6 +443,7 @@ static const struct can_message messages[] = {
     {"ObjectQuality",  CAN_ID_OBJECT_QUALITY,  8,  false, false, 0,    CAN_PROFILE_11_NIBBLE, SIGNALS(object_quality)},
     {"ObjectMotion",   CAN_ID_OBJECT_MOTION,   8,  false, false, 0,    CAN_PROFILE_11_NIBBLE, SIGNALS(object_motion)},
     {"ObjectFD",       CAN_ID_OBJECT_FD,       64, true,  false, 0,    CAN_PROFILE_05,        SIGNALS(object_fd)},
+    {"FieldOfView",    CAN_ID_FIELD_OF_VIEW,   8,  false, false, 0,    CAN_PROFILE_11_NIBBLE, SIGNALS(field_of_view)},
     {"WallEndsIn",     CAN_ID_WALL_ENDS_IN,    8,  false, true,  100,  CAN_PROFILE_11_NIBBLE, SIGNALS(wall_ends_in)},
     {"EgoMotion",      CAN_ID_EGO_MOTION,      8,  false, true,  20,   CAN_PROFILE_11_NIBBLE, SIGNALS(ego_motion)},
     {"Ambient",        CAN_ID_AMBIENT,         8,  false, true,  1000, CAN_PROFILE_11_NIBBLE, SIGNALS(ambient)},

@@ -85,6 +85,7 @@ enum can_id { /* added to where the sensor's begin */
               CAN_ID_OBJECT_QUALITY = 0x06,
               CAN_ID_OBJECT_MOTION = 0x07,
               CAN_ID_OBJECT_FD = 0x08,
+              CAN_ID_FIELD_OF_VIEW = 0x09,
               CAN_ID_WALL_ENDS_IN = 0x0B,
               CAN_ID_EGO_MOTION = 0x0C,
               CAN_ID_AMBIENT = 0x0D,

@@ -51,6 +51,11 @@ double can_list_s(const struct can_bus_rate *rate, size_t n_objects, bool fd_obj
            (double)n_objects * object_s;
 }
 
+double can_view_s(const struct can_bus_rate *rate, size_t n_corners)
+{
+    return (double)n_corners * message_s(rate, CAN_ID_FIELD_OF_VIEW);
+}
+
 double can_cycles_s(const struct can_bus_rate *rate)
 {
     double sum = CAN_STATUS_CHANGES * message_s(rate, CAN_ID_STATUS) +

@@ -24,6 +24,9 @@ double can_frame_s(const struct can_bus_rate *rate, size_t size, bool fd);
 double can_list_s(const struct can_bus_rate *rate, size_t n_objects, bool fd_objects,
                   bool motion);
 
+/* For so many corners of its field of view. */
+double can_view_s(const struct can_bus_rate *rate, size_t n_corners);
+
 /* Seconds of the bus in one second, wherever that begins, for all that is sent in cycles
  * at most: status, diagnosis, what the vehicle says, the changes of the status, and the
  * repetitions of a request to save. */

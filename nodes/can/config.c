@@ -14,6 +14,7 @@ void can_config_sender(struct sender_config *out, const struct launchfile *l)
         .rate = {.nominal_bit_s = l->can.bitrate, .data_bit_s = l->can.data_bitrate},
         .fd = l->can.fd,
         .motion = l->can.motion,
+        .view = l->can.field_of_view,
         .load = l->can.load};
     out->stale_ns = l->scan.fixed ? WATCH_STALE_NS : 0;
 }

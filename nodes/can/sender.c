@@ -140,7 +140,7 @@ static double share_s(const struct bus_budget *a, int64_t now_ns, double lists_s
 }
 
 size_t bus_budget_objects(struct bus_budget *a, const struct bus_budget_config *cfg,
-                          int64_t now_ns)
+                          int64_t now_ns, size_t n_view)
 {
     double lists_s = cfg->load - can_cycles_s(&cfg->rate);
     double empty_s = can_list_s(&cfg->rate, 0, cfg->fd, cfg->motion);
@@ -148,16 +148,18 @@ size_t bus_budget_objects(struct bus_budget *a, const struct bus_budget_config *
 
     if (a->n && now_ns < a->lists[(a->n - 1) % BUS_BUDGET_LISTS].begun_ns)
         a->n = 0;
-    double n = floor((share_s(a, now_ns, lists_s) - empty_s) / object_s);
+    double taken_s = empty_s + can_view_s(&cfg->rate, n_view);
+    double n = floor((share_s(a, now_ns, lists_s) - taken_s) / object_s);
     return n > 0.0 ? (size_t)fmin(n, CAN_MAX_OBJECTS) : 0;
 }
 
 void bus_budget_begin(struct bus_budget *a, const struct bus_budget_config *cfg,
-                      int64_t now_ns, size_t n_objects)
+                      int64_t now_ns, size_t n_objects, size_t n_view)
 {
     a->lists[a->n % BUS_BUDGET_LISTS].begun_ns = now_ns;
     a->lists[a->n % BUS_BUDGET_LISTS].bus_s =
-        can_list_s(&cfg->rate, n_objects, cfg->fd, cfg->motion);
+        can_list_s(&cfg->rate, n_objects, cfg->fd, cfg->motion) +
+        can_view_s(&cfg->rate, n_view);
     a->n++;
 }
 
@@ -470,6 +472,43 @@ static void fill_object(struct sender *s, struct sender_list *out,
     }
 }
 
+#define VIEW_MOST_M 163.8 /* of the frame's X and Y */
+
+static bool is_sent_whole(const Anlos__ViewArea *a)
+{
+    bool fits = a->n_corners_m % 2 == 0 && a->n_corners_m >= 6 &&
+                a->n_corners_m <= 2 * CAN_VIEW_CORNERS;
+
+    for (size_t i = 0; i < a->n_corners_m; i++)
+        fits &= fabs(a->corners_m[i]) <= VIEW_MOST_M; /* nor is NaN */
+    return fits;
+}
+
+/* Where no object has a place, none can be told to be absent from one. */
+static void fill_view(struct sender_list *out, const Anlos__DetectionList *list)
+{
+    uint8_t area = 0;
+
+    out->n_view = 0;
+    for (size_t k = 0; k < list->n_views && list->mirrored && list->in_vehicle_frame;
+         k++) {
+        const Anlos__ViewArea *a = list->views[k];
+        size_t n = a->n_corners_m / 2;
+        if (area == CAN_VIEW_AREAS || !is_sent_whole(a) ||
+            out->n_view + n > SENDER_MAX_VIEW)
+            continue;
+        for (size_t i = 0; i < n; i++)
+            out->view[out->n_view++] = (struct can_view_corner){
+                .counter = out->header.counter,
+                .wall = (uint8_t)(a->wall < 15 ? a->wall : 15),
+                .area = area,
+                .corner = (uint8_t)i,
+                .corners = (uint8_t)n,
+                .at_m = {a->corners_m[2 * i], a->corners_m[2 * i + 1]}};
+        area++;
+    }
+}
+
 static uint16_t next_counter(struct sender *s, const Anlos__DetectionList *list)
 {
     uint32_t step = list->counter - s->message_counter;
@@ -499,6 +538,7 @@ void sender_list(struct sender *s, const Anlos__DetectionList *list, int64_t cap
     out->n_frames = 0;
     for (size_t i = 0; i < out->n_objects; i++)
         fill_object(s, out, list, i, picked[i]);
+    fill_view(out, list);
 }
 
 void sender_empty_list(struct sender *s, int64_t capture_ns, struct sender_list *out)
@@ -510,6 +550,7 @@ void sender_empty_list(struct sender *s, int64_t capture_ns, struct sender_list 
     memset(out->lives, 0, sizeof out->lives);
     out->dated_ns = 0;
     out->n_objects = 0;
+    out->n_view = 0;
     out->n_frames = 0;
 }
 
@@ -547,6 +588,30 @@ static void pack_object(const struct sender *s, struct sender_list *list,
     list->n_frames += 3;
 }
 
+/* Before Time, with which a list without objects is whole.  A sensor that may not tell of
+ * objects sees nothing. */
+static void pack_view(const struct sender *s, struct sender_list *list)
+{
+    const struct can_view_corner nothing = {.counter = list->header.counter,
+                                            .at_m = {NAN, NAN}};
+    struct can_frame_data *frame = list->frames + list->n_frames;
+
+    if (!s->cfg.bus.view)
+        return;
+    list->claims = s->lets_objects && list->n_view;
+    for (size_t i = 0; list->claims && i < list->n_view; i++)
+        can_pack_field_of_view(frame++, s->cfg.base_id, &list->view[i]);
+    if (!list->claims)
+        can_pack_field_of_view(frame++, s->cfg.base_id, &nothing);
+    list->n_frames = (size_t)(frame - list->frames);
+}
+
+/* As many frames as pack_view makes, at most. */
+static size_t n_view_frames(const struct sender *s, const struct sender_list *list)
+{
+    return !s->cfg.bus.view ? 0 : list->n_view ? list->n_view : 1;
+}
+
 /* As the vehicle is told it now. */
 static enum can_measurement told_measurement(const struct sender *s,
                                              const struct sender_list *list,
@@ -576,14 +641,15 @@ static bool sender_pick(struct sender *s, struct sender_list *list, int64_t now_
 {
     struct can_object objects[CAN_MAX_OBJECTS];
     size_t allowed[CAN_MAX_OBJECTS], n = find_allowed(s, list, allowed);
-    size_t room = bus_budget_objects(&s->budget, &s->cfg.bus, now_ns);
+    size_t n_view = n_view_frames(s, list);
+    size_t room = bus_budget_objects(&s->budget, &s->cfg.bus, now_ns, n_view);
 
     for (size_t i = 0; i < n; i++)
         objects[i] = list->objects[allowed[i]];
     list->n_picked = pick_objects(objects, n, room, list->picked);
     for (size_t i = 0; i < list->n_picked; i++)
         list->picked[i] = allowed[list->picked[i]];
-    bus_budget_begin(&s->budget, &s->cfg.bus, now_ns, list->n_picked);
+    bus_budget_begin(&s->budget, &s->cfg.bus, now_ns, list->n_picked, n_view);
     return list->n_picked == n;
 }
 
@@ -608,10 +674,12 @@ void sender_finalize(struct sender *s, struct sender_list *list, int64_t now_ns,
     header.latency_ms = capture_ns ? latency_ms(now_ns, capture_ns) : NAN;
     header.cycle_ms = last_ns ? age_ms(now_ns, last_ns) : NAN;
     can_pack_list_header(&list->frames[0], s->cfg.base_id, &header);
-    can_pack_time(&list->frames[1], s->cfg.base_id,
+    list->n_frames = 1;
+    list->claims = false;
+    pack_view(s, list);
+    can_pack_time(&list->frames[list->n_frames++], s->cfg.base_id,
                   (int64_t)((uint64_t)(capture_ns ? capture_ns : now_ns) +
                             (uint64_t)s->wall_ahead_ns));
-    list->n_frames = 2;
     for (size_t i = 0; i < list->n_picked; i++) {
         struct can_object o = list->objects[list->picked[i]];
         o.measurement = told_measurement(s, list, &o);
@@ -621,7 +689,7 @@ void sender_finalize(struct sender *s, struct sender_list *list, int64_t now_ns,
 
 bool sender_holds(const struct sender *s, const struct sender_list *list, int64_t now_ns)
 {
-    return !list->n_picked ||
+    return (!list->n_picked && !list->claims) ||
            (s->lets_objects && (list->stale || !is_stale(s, list, now_ns)));
 }
 

@@ -33,6 +33,7 @@ struct bus_budget_config {
     struct can_bus_rate rate;
     bool fd;     /* one FD frame an object, in place of three */
     bool motion; /* and before these its motion frame */
+    bool view;   /* with the list's field of view, a frame a corner */
     double load; /* share of the bus: 0..1 */
 };
 
@@ -44,16 +45,17 @@ struct bus_budget { /* all zero: nothing was sent */
     } lists[BUS_BUDGET_LISTS]; /* a ring */
 };
 
-/* For a list that begins at now_ns; times rise, or all restarts.  0..CAN_MAX_OBJECTS.
- */
+/* For a list that begins at now_ns, with so many frames of its field of view; times rise,
+ * or all restarts.  0..CAN_MAX_OBJECTS. */
 size_t bus_budget_objects(struct bus_budget *a, const struct bus_budget_config *cfg,
-                          int64_t now_ns);
+                          int64_t now_ns, size_t n_view);
 
 /* It begins, with so many. */
 void bus_budget_begin(struct bus_budget *a, const struct bus_budget_config *cfg,
-                      int64_t now_ns, size_t n_objects);
+                      int64_t now_ns, size_t n_objects, size_t n_view);
 
-#define SENDER_MAX_FRAMES (2 + 4 * CAN_MAX_OBJECTS)
+#define SENDER_MAX_VIEW   32 /* corners: 8.6 % of 500 kbit/s at ten lists a second */
+#define SENDER_MAX_FRAMES (2 + SENDER_MAX_VIEW + 4 * CAN_MAX_OBJECTS)
 
 struct sender_config {
     uint32_t base_id; /* of the sensor: with 0x10 for each before it */
@@ -90,6 +92,9 @@ struct sender_list {
     int64_t dated_ns;              /* of a replay: when it came about; 0: when it goes */
     struct can_object objects[CAN_MAX_OBJECTS]; /* [n_objects], strongest first */
     size_t n_objects;
+    struct can_view_corner view[SENDER_MAX_VIEW]; /* [n_view] of its field of view */
+    size_t n_view;
+    bool claims;                    /* an area is seen, says what sender_finalize made */
     size_t picked[CAN_MAX_OBJECTS]; /* [n_picked] of them that go; of sender_finalize */
     size_t n_picked;
     bool truncated; /* some of the objects did not fit; of sender_finalize */
@@ -113,25 +118,30 @@ void sender_let_objects(struct sender *s, bool lets);
  * own mirror image, which nothing is that is before its wall: it is counted.  So is what
  * is out of the range of its signal, with all that belongs to it: a place, a velocity, a
  * covariance go as a whole.  Sizes, ages and standard deviations have no upper end: the
- * largest of a signal means that or more. */
+ * largest of a signal means that or more.
+ *
+ * Of the field of view whole areas are taken, as long as they are no more than
+ * SENDER_MAX_VIEW corners; one that is out of range is left out. */
 void sender_list(struct sender *s, const Anlos__DetectionList *list, int64_t capture_ns,
                  struct sender_list *out);
 
 /* An empty one of our own, of the newest sound that there was: when no message comes. */
 void sender_empty_list(struct sender *s, int64_t capture_ns, struct sender_list *out);
 
-/* Makes the frames, when the list goes out: header, time, then the motion frame, if any,
- * and state, dynamics and quality or the FD frame of each object that the bus has room
- * for (struct bus_budget) and that is allowed.  What was heard too long ago is said to be
- * predicted; what was heard, but in no list that the vehicle got, is new: nothing was
- * sent before the sensor was ready, lists were lost or had no room for it.  A track is
- * not sent before it is new.  last_ns: when the list before began; 0: none did.  Cycle is
- * then not available; nor is latency without capture, or of one that is still to come. */
+/* Makes the frames, when the list goes out: header, field of view, if wanted, and time,
+ * then the motion frame, if any, and state, dynamics and quality or the FD frame of each
+ * object that the bus has room for (struct bus_budget) and that is allowed.  What was
+ * heard too long ago is said to be predicted; what was heard, but in no list that the
+ * vehicle got, is new: nothing was sent before the sensor was ready, lists were lost or
+ * had no room for it.  A track is not sent before it is new.  last_ns: when the list
+ * before began; 0: none did.  Cycle is then not available; nor is latency without
+ * capture, or of one that is still to come. */
 void sender_finalize(struct sender *s, struct sender_list *list, int64_t now_ns,
                      int64_t last_ns);
 
-/* May what sender_finalize made of it still be said?  No: it has objects, and none may be
- * sent any more, or they are said to be measured and were heard too long ago by now. */
+/* May what sender_finalize made of it still be said?  No: it has objects or claims to see
+ * an area, and none may be sent any more, or they are said to be measured and were heard
+ * too long ago by now. */
 bool sender_holds(const struct sender *s, const struct sender_list *list, int64_t now_ns);
 
 /* All of it is on the bus, or never will be. */

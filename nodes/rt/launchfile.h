@@ -92,6 +92,7 @@ struct launchfile {
         unsigned sensor;
         bool fd;                        /* one FD frame an object */
         bool motion;                    /* and its motion frame */
+        bool field_of_view;             /* and the list's field of view */
         unsigned bitrate, data_bitrate; /* default 500000 and 2000000 bit/s */
         double load;                    /* share of the bus to use at most; default 0.5 */
         struct { /* nodes/can/uds.h; identifiers above 0x7ff have 29 bits */

@@ -113,6 +113,7 @@ int launchfile_copy_can(struct launchfile *l, const struct launch_text *t,
     l->can.sensor = unsigned_or(t->can.sensor, 0);
     l->can.fd = t->can.fd && *t->can.fd;
     l->can.motion = t->can.motion && *t->can.motion;
+    l->can.field_of_view = t->can.field_of_view && *t->can.field_of_view;
     l->can.bitrate = unsigned_or(t->can.bitrate, 500000);
     l->can.data_bitrate = unsigned_or(t->can.data_bitrate, 2000000);
     l->can.load = t->can.load ? *t->can.load : 0.5;

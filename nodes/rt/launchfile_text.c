@@ -104,6 +104,8 @@ static const cyaml_schema_field_t can_fields[] = {
     CYAML_FIELD_UINT_PTR("sensor", OPTIONAL, struct launch_text_can, sensor),
     CYAML_FIELD_BOOL_PTR("fd", OPTIONAL, struct launch_text_can, fd),
     CYAML_FIELD_BOOL_PTR("motion", OPTIONAL, struct launch_text_can, motion),
+    CYAML_FIELD_BOOL_PTR("field_of_view", OPTIONAL, struct launch_text_can,
+                         field_of_view),
     CYAML_FIELD_UINT_PTR("bitrate", OPTIONAL, struct launch_text_can, bitrate),
     CYAML_FIELD_UINT_PTR("data_bitrate", OPTIONAL, struct launch_text_can, data_bitrate),
     CYAML_FIELD_FLOAT_PTR("load", OPTIONAL, struct launch_text_can, load),

@@ -66,7 +66,7 @@ struct launch_text_can_diagnosis {
 struct launch_text_can {
     char *uri;
     unsigned *base_id, *sensor, *bitrate, *data_bitrate;
-    bool *fd, *motion;
+    bool *fd, *motion, *field_of_view;
     double *load;
     struct launch_text_can_diagnosis diagnosis;
 };

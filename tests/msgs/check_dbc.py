@@ -28,6 +28,7 @@ MESSAGES = {  # identifier: name, bytes, sender, cycle time
     0x404: ("ObjectState", 8, "Anlos", 0), 0x405: ("ObjectDynamics", 8, "Anlos", 0),
     0x406: ("ObjectQuality", 8, "Anlos", 0), 0x407: ("ObjectMotion", 8, "Anlos", 0),
     0x408: ("ObjectFD", 64, "Anlos", 0),
+    0x409: ("FieldOfView", 8, "Anlos", 0),
     0x40B: ("WallEndsIn", 8, "Vehicle", 100),
     0x40C: ("EgoMotion", 8, "Vehicle", 20), 0x40D: ("Ambient", 8, "Vehicle", 1000),
     0x40E: ("WallIn", 8, "Vehicle", 100), 0x40F: ("SaveRequest", 8, "Vehicle", 1000),

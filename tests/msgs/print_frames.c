@@ -222,6 +222,26 @@ static void print_headers(void)
     printf("# Time Seconds=4294967295 Fraction=0.75\n");
 }
 
+static void print_view(void)
+{
+    const double places[] = {0, 1e3, -1e3, NAN, 12.345, -0.031};
+    struct can_frame_data f;
+    for (unsigned i = 0; i < sizeof places / sizeof *places; i++) {
+        const struct can_view_corner c = {.counter = (uint16_t)(37 * i),
+                                          .wall = (uint8_t)(3 * i),
+                                          .area = (uint8_t)i,
+                                          .corner = (uint8_t)i,
+                                          .corners = (uint8_t)(i + 2),
+                                          .at_m = {places[i], places[5 - i]}};
+        can_pack_field_of_view(&f, CAN_BASE_DEFAULT, &c);
+        print_frame(&f);
+        printf("# FieldOfView Counter=%u WallId=%u Area=%u Corner=%u Corners=%u X=%.9g "
+               "Y=%.9g\n",
+               c.counter & 15u, c.wall, c.area, c.corner, c.corners, c.at_m[0],
+               c.at_m[1]);
+    }
+}
+
 static void print_inputs(void)
 {
     const double values[] = {0, NAN, 1e9, -1e9, 0.123, -0.321};
@@ -268,6 +288,7 @@ int main(void)
     print_states();
     print_headers();
     print_objects();
+    print_view();
     print_inputs();
     return fflush(stdout) != 0 || ferror(stdout);
 }

@@ -172,7 +172,7 @@ static void a_sensor_finds_its_own_frames_only(void **state)
     (void)state;
     assert_string_equal(can_message_find(base, 0x428)->name, "ObjectFD");
     assert_null(can_message_find(base, 0x408));
-    assert_null(can_message_find(base, 0x429));
+    assert_null(can_message_find(base, 0x42A));
     assert_null(can_message_find(base, 0x430));
 }
 

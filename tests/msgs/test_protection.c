@@ -153,7 +153,7 @@ static void what_is_forgotten_begins_anew(void **state)
 static void a_frame_that_is_not_ours_is_left_alone(void **state)
 {
     struct can_protection p = {.base = 0x400};
-    struct can_frame_data f = {.id = 0x409, .size = 8}, before = f;
+    struct can_frame_data f = {.id = 0x40A, .size = 8}, before = f;
 
     (void)state;
     can_protect(&p, &f);

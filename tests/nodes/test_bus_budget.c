@@ -32,11 +32,11 @@ struct sent {
 static size_t send(struct bus_budget *a, const struct bus_budget_config *cfg, int64_t ns,
                    size_t wanted)
 {
-    size_t room = bus_budget_objects(a, cfg, ns);
+    size_t room = bus_budget_objects(a, cfg, ns, 0);
     size_t n = room < wanted ? room : wanted;
 
     assert_in_range(room, 0, CAN_MAX_OBJECTS);
-    bus_budget_begin(a, cfg, ns, n);
+    bus_budget_begin(a, cfg, ns, n, 0);
     return n;
 }
 

@@ -501,7 +501,7 @@ static void wrong_arguments_are_refused(void **s)
     char *low[] = {"can", "decode", path, "--base", "f0", NULL};
     char *text[] = {"can", "decode", path, "--base", "-1", NULL};
     char *many[] = {"can", "decode", path, "--sensor", "64", NULL};
-    char *id[] = {"can", "decode", path, "--id", "409", NULL};
+    char *id[] = {"can", "decode", path, "--id", "40a", NULL};
     char *name[] = {"can", "decode", path, "--id", "Statu", NULL};
     char *seconds[] = {"can", "decode", path, "--seconds", "0", NULL};
     char **all[] = {none, verb, file, two,  away, folder, scheme,
@@ -518,7 +518,7 @@ static void wrong_arguments_are_refused(void **s)
         "--base 7f1",
         "--base -1",
         "would end above 7ff",
-        "--id 409",
+        "--id 40a",
         "--id Statu",
         "--seconds 0"};
     for (size_t i = 0; i < sizeof all / sizeof *all; i++) {

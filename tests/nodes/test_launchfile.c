@@ -24,7 +24,7 @@ static void what_is_left_out_has_its_default(void **state)
     assert_string_equal(l->can.uri, "log:out/can.candump");
     assert_int_equal(l->can.base_id, 0x400);
     assert_int_equal(l->can.sensor, 0);
-    assert_false(l->can.fd || l->can.motion);
+    assert_false(l->can.fd || l->can.motion || l->can.field_of_view);
     assert_int_equal(l->can.bitrate, 500000);
     assert_true(l->can.load == 0.5);
     assert_int_equal(l->can.diagnosis.request, 0);
@@ -77,17 +77,17 @@ static void options_that_the_method_does_not_use_are_refused(void **state)
 static void everything_can_be_set(void **state)
 {
     struct launchfile *l = launch_load(
-        *state,
-        "nodes: [array, scan]\n"
-        "array: {uri: 'wav:/rec'}\n"
-        "stage: {uri: 'none:'}\n"
-        "scan: {background: true, window: 5, retries: 0, timeout_s: 0.5}\n"
-        "dsp: {window: hamming, compression: deramp}\n"
-        "recon: {method: backprojection, threads: 3, preview: false}\n"
-        "track: {threshold_db: 20, min_existence: 0.25}\n"
-        "can: {uri: 'socketcan:can0', base_id: 0x500, sensor: 2, fd: true, motion: true, "
-        "bitrate: 250000, data_bitrate: 4000000, load: 0.25}\n"
-        "report: {folder: /there}\n");
+        *state, "nodes: [array, scan]\n"
+                "array: {uri: 'wav:/rec'}\n"
+                "stage: {uri: 'none:'}\n"
+                "scan: {background: true, window: 5, retries: 0, timeout_s: 0.5}\n"
+                "dsp: {window: hamming, compression: deramp}\n"
+                "recon: {method: backprojection, threads: 3, preview: false}\n"
+                "track: {threshold_db: 20, min_existence: 0.25}\n"
+                "can: {uri: 'socketcan:can0', base_id: 0x500, sensor: 2, fd: true, "
+                "motion: true, field_of_view: true, "
+                "bitrate: 250000, data_bitrate: 4000000, load: 0.25}\n"
+                "report: {folder: /there}\n");
 
     assert_int_equal(l->n_nodes, 2);
     assert_true(launchfile_has_node(l, "scan"));
@@ -107,7 +107,7 @@ static void everything_can_be_set(void **state)
     assert_string_equal(l->can.uri, "socketcan:can0");
     assert_int_equal(l->can.base_id, 0x500);
     assert_int_equal(l->can.sensor, 2);
-    assert_true(l->can.fd && l->can.motion);
+    assert_true(l->can.fd && l->can.motion && l->can.field_of_view);
     assert_int_equal(l->can.bitrate, 250000);
     assert_int_equal(l->can.data_bitrate, 4000000);
     assert_true(l->can.load == 0.25);

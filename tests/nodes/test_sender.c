@@ -551,6 +551,123 @@ static void a_motion_takes_its_part_of_the_bus(void **state)
     assert_in_range(4 * n[1], 3 * n[0] - 4, 3 * n[0] + 4); /* four frames for three */
 }
 
+static double corners[2][16] = {{3, 1, 5, 1, 5, 3.5}, {-1, -2, 4, -2, 4, 0, -1, 0}};
+
+/* Two areas: a triangle by way of wall 3 and a square by way of the 21st. */
+static void fill_view_of(struct list *l, Anlos__ViewArea areas[2],
+                         Anlos__ViewArea *each[2])
+{
+    for (int k = 0; k < 2; k++) {
+        anlos__view_area__init(&areas[k]);
+        areas[k].wall = k ? 21 : 3;
+        areas[k].corners_m = corners[k];
+        areas[k].n_corners_m = k ? 8 : 6;
+        each[k] = &areas[k];
+    }
+    l->message.n_views = 2;
+    l->message.views = each;
+}
+
+static void a_field_of_view_goes_between_header_and_time(void **state)
+{
+    struct sender s;
+    struct list l;
+    struct sender_list sent;
+    struct can_view_corner c;
+    Anlos__ViewArea areas[2], *each[2];
+
+    (void)state;
+    for (int n = 0; n < 2; n++) {
+        init(&s, 0x400);
+        know_tracks(&s);
+        s.cfg.bus.view = true;
+        fill_tracks(&l, (size_t)n);
+        fill_view_of(&l, areas, each);
+        send(&s, &l, 50, &sent);
+        assert_int_equal(sent.n_frames, 1 + 7 + 1 + 3 * n);
+        assert_int_equal(sent.frames[0].id, 0x402);
+        assert_int_equal(sent.frames[8].id, 0x403);
+        for (int i = 0; i < 7; i++) {
+            int area = i >= 3, corner = i - 3 * area;
+            assert_int_equal(sent.frames[1 + i].id, 0x409);
+            assert_int_equal(can_unpack_field_of_view(&sent.frames[1 + i], &c), 0);
+            assert_int_equal(c.counter, sent.header.counter & 15);
+            assert_int_equal(c.wall, area ? 15 : 3);
+            assert_int_equal(c.area, area);
+            assert_int_equal(c.corner, corner);
+            assert_int_equal(c.corners, 3 + area);
+            assert_near(c.at_m[0], corners[area][2 * corner], 0.0101);
+            assert_near(c.at_m[1], corners[area][2 * corner + 1], 0.0101);
+        }
+        assert_true(sender_holds(&s, &sent, 50 * MS));
+        sender_let_objects(&s, false); /* nor may it claim to see anything */
+        assert_false(sender_holds(&s, &sent, 50 * MS));
+    }
+}
+
+/* Nothing is seen: by nobody, by a sensor that may tell of nothing, where no place is
+ * known; and an area with a corner that the frame has no room for is left out. */
+static void what_is_not_seen_is_said_by_one_frame(void **state)
+{
+    struct sender s;
+    struct list l;
+    struct sender_list sent;
+    struct can_view_corner c;
+    Anlos__ViewArea areas[2], *each[2];
+    double far[6] = {0, 0, 164, 0, 0, 1};
+
+    (void)state;
+    for (int k = 0; k < 6; k++) {
+        init(&s, 0x400);
+        know_tracks(&s);
+        s.cfg.bus.view = k < 5;
+        fill_tracks(&l, 0);
+        fill_view_of(&l, areas, each);
+        if (k == 0)
+            l.message.n_views = 0;
+        sender_let_objects(&s, k != 1);
+        l.message.mirrored = k != 2;
+        l.message.in_vehicle_frame = k != 3;
+        if (k == 4) {
+            areas[0].corners_m = far;
+            areas[1].n_corners_m = 4;
+        }
+        send(&s, &l, 50, &sent);
+        assert_int_equal(sent.n_frames, k < 5 ? 3 : 2);
+        if (k == 5) /* it is not wanted */
+            continue;
+        assert_int_equal(can_unpack_field_of_view(&sent.frames[1], &c), 0);
+        assert_int_equal(c.corners, 0);
+        assert_true(isnan(c.at_m[0]) && isnan(c.at_m[1]));
+    }
+}
+
+static void a_field_of_view_takes_its_part_of_the_bus(void **state)
+{
+    struct sender s;
+    struct list l;
+    struct sender_list sent;
+    unsigned n[2];
+    Anlos__ViewArea areas[2], *each[2];
+
+    (void)state;
+    for (int view = 0; view < 2; view++) {
+        init(&s, 0x400);
+        s.cfg.bus.view = view;
+        s.cfg.bus.load = 0.25;
+        fill(&l, 32);
+        fill_view_of(&l, areas, each);
+        for (int i = 0; i < 20; i++) {
+            sender_list(&s, &l.message, 0, &sent);
+            sender_finalize(&s, &sent, (1000 + 100 * i) * MS, 0);
+        }
+        n[view] = (unsigned)sent.n_picked;
+        assert_int_equal(sent.n_frames, 2 + 7 * (size_t)view + 3 * n[view]);
+        assert_true(10.0 * (double)sent.n_frames * 135 / 500e3 < 0.25);
+    }
+    assert_in_range(n[0] - n[1], 2, 3); /* 7 frames are those of 2 1/3 objects */
+}
+
 static void a_variance_that_is_none_never_looks_like_certainty(void **state)
 {
     struct sender s;
@@ -1283,6 +1400,9 @@ int main(void)
         cmocka_unit_test(a_course_is_as_sure_as_it_says),
         cmocka_unit_test(what_has_no_sure_direction_has_no_course),
         cmocka_unit_test(a_motion_takes_its_part_of_the_bus),
+        cmocka_unit_test(a_field_of_view_goes_between_header_and_time),
+        cmocka_unit_test(what_is_not_seen_is_said_by_one_frame),
+        cmocka_unit_test(a_field_of_view_takes_its_part_of_the_bus),
         cmocka_unit_test(a_variance_that_is_none_never_looks_like_certainty),
         cmocka_unit_test(a_correlation_that_is_nearly_one_is_none_that_is),
         cmocka_unit_test(a_place_out_of_the_range_of_its_frame_is_not_sent),

@@ -204,6 +204,7 @@ static void begin(struct lists *l, const struct can_frame_data *f)
 static bool belongs(const struct lists *l, enum can_id id, const struct can_frame_data *f)
 {
     struct can_object o = {0};
+    struct can_view_corner c;
 
     switch (id) {
     case CAN_ID_TIME:
@@ -217,6 +218,8 @@ static bool belongs(const struct lists *l, enum can_id id, const struct can_fram
         return !can_unpack_object_quality(f, &o) && o.counter == (l->header.counter & 15);
     case CAN_ID_OBJECT_MOTION: /* optional: a list is whole without */
         return !can_unpack_object_motion(f, &o) && o.counter == (l->header.counter & 15);
+    case CAN_ID_FIELD_OF_VIEW: /* so is this */
+        return !can_unpack_field_of_view(f, &c) && c.counter == (l->header.counter & 15);
     case CAN_ID_OBJECT_FD:
         return !can_unpack_object_fd(f, &o) && o.counter == l->header.counter;
     default:
