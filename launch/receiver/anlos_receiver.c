@@ -15,7 +15,8 @@ enum kind {
     KIND_OBJECT_DYNAMICS = 5,
     KIND_OBJECT_QUALITY = 6,
     KIND_OBJECT_FD = 7,
-    KIND_OBJECT_MOTION = 8 /* optional: no list waits for it */
+    KIND_OBJECT_MOTION = 8, /* optional: no list waits for it */
+    KIND_FIELD_OF_VIEW = 9  /* nor for this */
 };
 
 enum check { CHECK_NONE = 0, CHECK_OK = 1, CHECK_ERROR = 2, CHECK_OTHER = 3 };
@@ -45,6 +46,8 @@ struct outcome {
 #define PART_QUALITY  0x04u
 #define PARTS_CLASSIC 0x07u
 #define PART_FD       0x08u
+
+#define CORNERS_DISAGREE 0xFFu
 
 /* ---- Protection ------------------------------------------------------------------- */
 
@@ -557,6 +560,25 @@ static void list_add_motions(struct anlos_receiver *r)
     }
 }
 
+/* The areas of which all corners came; without one of them it would be another area. */
+static void list_add_areas(struct anlos_receiver *r)
+{
+    struct anlos_list *l = &r->next;
+
+    if ((r->viewed != 0u) && channel_valid(r, KIND_FIELD_OF_VIEW)) {
+        l->view_known = 1u;
+        for (uint32_t i = 0; i < ANLOS_AREAS; i++) {
+            uint32_t n = r->corners_said[i];
+            if ((n >= 3u) && (n <= ANLOS_CORNERS) &&
+                (r->corners_come[i] == ((1u << n) - 1u))) {
+                l->areas[l->n_areas] = r->areas[i];
+                l->areas[l->n_areas].n_corners = (uint8_t)n;
+                l->n_areas++;
+            }
+        }
+    }
+}
+
 static int list_whole(const struct anlos_receiver *r)
 {
     int whole = r->timed != 0u;
@@ -578,6 +600,7 @@ static uint32_t list_finish(struct anlos_receiver *r)
             events = list_drop(r, &r->counts.lists_repeated);
         } else {
             list_add_motions(r);
+            list_add_areas(r);
             r->list = r->next;
             r->listed = 1u;
             r->assembling = 0u;
@@ -616,6 +639,10 @@ static uint32_t take_header(struct anlos_receiver *r, const uint8_t *d, uint32_t
     (void)memset(l, 0, sizeof *l);
     (void)memset(r->parts, 0, sizeof r->parts);
     r->n_motions = 0u;
+    (void)memset(r->areas, 0, sizeof r->areas);
+    (void)memset(r->corners_come, 0, sizeof r->corners_come);
+    (void)memset(r->corners_said, 0, sizeof r->corners_said);
+    r->viewed = 0u;
     l->counter = (uint16_t)signal_raw(d, 24u, 12u);
     count_lost(r, l->counter);
     l->synchronised = (signal_raw(d, 22u, 2u) == 1u) ? 1u : 0u;
@@ -711,6 +738,39 @@ static void take_motion(struct anlos_receiver *r, const uint8_t *d)
     }
 }
 
+/* Nor does a corner.  One that cannot be spoils its area. */
+static void take_corner(struct anlos_receiver *r, const uint8_t *d)
+{
+    uint32_t wall = signal_raw(d, 20u, 4u);
+    uint32_t area = signal_raw(d, 24u, 4u);
+    uint32_t corner = signal_raw(d, 28u, 4u);
+    uint32_t n = signal_raw(d, 32u, 4u);
+    struct anlos_value x = value_of(signal_signed(d, 36u, 14u), -8191, 8191, 0.02f, 0.0f);
+    struct anlos_value y = value_of(signal_signed(d, 50u, 14u), -8191, 8191, 0.02f, 0.0f);
+
+    if ((r->assembling == 0u) ||
+        (signal_raw(d, 16u, 4u) != ((uint32_t)r->next.counter & 0xFu))) {
+        r->counts.frames_orphaned++;
+    } else if ((n == 0u) || (area >= ANLOS_AREAS)) {
+        r->viewed = 1u;
+    } else {
+        struct anlos_area *a = &r->areas[area];
+        r->viewed = 1u;
+        if (((r->corners_said[area] != 0u) &&
+             ((r->corners_said[area] != n) || (a->wall_id != wall))) ||
+            (corner >= n) || (n > ANLOS_CORNERS) || (x.quality == ANLOS_NOT_AVAILABLE) ||
+            (y.quality == ANLOS_NOT_AVAILABLE)) {
+            r->corners_said[area] = CORNERS_DISAGREE;
+        } else {
+            a->wall_id = (uint8_t)wall;
+            a->x_m[corner] = x.value;
+            a->y_m[corner] = y.value;
+            r->corners_said[area] = (uint8_t)n;
+            r->corners_come[area] = (uint8_t)(r->corners_come[area] | (1u << corner));
+        }
+    }
+}
+
 /* ---- The receiver ----------------------------------------------------------------- */
 
 void anlos_config_default(struct anlos_config *cfg)
@@ -749,11 +809,11 @@ int anlos_receiver_init(struct anlos_receiver *r, const struct anlos_config *cfg
 
 static int kind_of(uint32_t offset, enum kind *kind)
 {
-    static const enum kind kinds[9] = {
-        KIND_STATUS,         KIND_DIAGNOSIS,     KIND_HEADER,
-        KIND_TIME,           KIND_OBJECT_STATE,  KIND_OBJECT_DYNAMICS,
-        KIND_OBJECT_QUALITY, KIND_OBJECT_MOTION, KIND_OBJECT_FD};
-    int ours = offset < 9u;
+    static const enum kind kinds[10] = {
+        KIND_STATUS,       KIND_DIAGNOSIS,       KIND_HEADER,         KIND_TIME,
+        KIND_OBJECT_STATE, KIND_OBJECT_DYNAMICS, KIND_OBJECT_QUALITY, KIND_OBJECT_MOTION,
+        KIND_OBJECT_FD,    KIND_FIELD_OF_VIEW};
+    int ours = offset < 10u;
 
     *kind = ours ? kinds[offset] : KIND_STATUS;
     return ours;
@@ -803,6 +863,9 @@ static uint32_t frame_use(struct anlos_receiver *r, enum kind kind, const uint8_
         break;
     case KIND_OBJECT_MOTION:
         take_motion(r, data);
+        break;
+    case KIND_FIELD_OF_VIEW:
+        take_corner(r, data);
         break;
     default:
         events = take_object(r, PART_FD, data);
@@ -883,7 +946,7 @@ uint32_t anlos_receiver_tick(struct anlos_receiver *r, uint32_t now_ms)
         if (r->assembling != 0u) {
             events |= list_drop(r, &r->counts.lists_torn);
         }
-        channels_restart(r, KIND_HEADER, KIND_OBJECT_MOTION);
+        channels_restart(r, KIND_HEADER, KIND_FIELD_OF_VIEW);
         r->listed = 0u;
         r->header_seen = 0u;
         events |= timed_out(r);
@@ -891,8 +954,8 @@ uint32_t anlos_receiver_tick(struct anlos_receiver *r, uint32_t now_ms)
     return events;
 }
 
-/* INVALID when any kind of frames of lists is, but ObjectMotion, which none needs; else
- * that of the header and Time. */
+/* INVALID when any kind of frames of lists is, but those that none needs, ObjectMotion
+ * and FieldOfView; else that of the header and Time. */
 static enum anlos_link list_link(const struct anlos_receiver *r)
 {
     enum anlos_link link = channel_link(&r->channels[KIND_HEADER]);

@@ -28,7 +28,9 @@
 extern "C" {
 #endif
 
-#define ANLOS_OBJECTS           32u     /* that a list holds at most */
+#define ANLOS_OBJECTS           32u /* that a list holds at most */
+#define ANLOS_AREAS             15u
+#define ANLOS_CORNERS           8u
 #define ANLOS_TROUBLES          16u     /* fault bits */
 #define ANLOS_INTERFACE_VERSION 2u      /* of the layout that is understood here */
 #define ANLOS_FIRST_ID          0x0400u /* Status of sensor 0; each further one: + 0x10 */
@@ -143,6 +145,14 @@ struct anlos_object {
     uint8_t fd;           /* 1: it came by ObjectFD */
 };
 
+/* A convex area of the floor that the list can tell of, its corners counterclockwise.
+ * Outside of all areas the list says nothing; inside, as far as status.range_m. */
+struct anlos_area {
+    uint8_t wall_id;   /* by way of which; 0: directly; 15: that or a higher one */
+    uint8_t n_corners; /* 3..ANLOS_CORNERS */
+    float x_m[ANLOS_CORNERS], y_m[ANLOS_CORNERS];
+};
+
 struct anlos_list {
     uint16_t counter;             /* 0..4095, rises by one a list */
     uint8_t truncated;            /* 1: there were more objects than fit */
@@ -154,6 +164,9 @@ struct anlos_list {
     uint32_t header_ms;           /* the caller's time at which its header came */
     uint8_t n_objects;
     struct anlos_object objects[ANLOS_OBJECTS]; /* [n_objects], in the order they came */
+    uint8_t view_known; /* 1: FieldOfView came, and says what it can tell of: */
+    uint8_t n_areas;    /* 0: of nothing */
+    struct anlos_area areas[ANLOS_AREAS]; /* [n_areas], of those that came whole */
 };
 
 struct anlos_status {
@@ -227,7 +240,7 @@ struct anlos_config {
              a shutdown */
 
 /* The rest is the receiver's own. */
-#define ANLOS_KINDS  9u
+#define ANLOS_KINDS  10u
 #define ANLOS_WINDOW 6u
 
 struct anlos_channel { /* a kind of frames */
@@ -249,6 +262,10 @@ struct anlos_receiver {
     struct anlos_list next, list;
     uint8_t parts[ANLOS_OBJECTS];                 /* of next.objects */
     uint8_t motions[ANLOS_OBJECTS][8], n_motions; /* ObjectMotion frames of next */
+    struct anlos_area areas[ANLOS_AREAS]; /* of next, by their number, corner by corner */
+    uint8_t corners_come[ANLOS_AREAS];    /* of each, bits */
+    uint8_t corners_said[ANLOS_AREAS];    /* how many it has; 0xFF: frames disagree */
+    uint8_t viewed;                       /* FieldOfView of next came */
     uint8_t number, assembling, timed, listed;
     uint16_t header_counter; /* of the newest header, once header_seen */
     uint8_t header_seen;

@@ -38,10 +38,12 @@ MEASUREMENTS = ("New", "Measured", "Predicted", "Deleted")
 CLASSES = ("Unknown", "Point", "Plate", "Extended", "Multipath")
 MOTIONS = ("Unknown", "Standing", "Moving")
 
-STATUS, DIAGNOSIS, HEADER, TIME, OBJECT_STATE, DYNAMICS, QUALITY, MOTION, FD = range(9)
-LIST_KINDS = (HEADER, TIME, OBJECT_STATE, DYNAMICS, QUALITY, FD)  # MOTION is optional
+STATUS, DIAGNOSIS, HEADER, TIME, OBJECT_STATE, DYNAMICS, QUALITY, MOTION, FD, VIEW = range(10)
+LIST_KINDS = (HEADER, TIME, OBJECT_STATE, DYNAMICS, QUALITY, FD)
+OPTIONAL_KINDS = (MOTION, VIEW)  # no list waits for them
 INTERFACE_VERSION = 2
 MAX_OBJECTS = 32
+MAX_AREAS, MAX_CORNERS = 15, 8
 MAX_DELTA = 3  # AUTOSAR's MaxDeltaCounter: two frames in a row may get lost
 
 OK, ERROR, OTHER = "ok", "error", "other"
@@ -244,7 +246,7 @@ class Receiver:
         self.first_id, self.sources = first_id, tuple(sources)
         self.status_ms, self.list_ms, self.diagnosis_ms = status_ms, list_ms, diagnosis_ms
         self.assembly_ms, self.age_ms = assembly_ms, age_ms
-        self.channels = {k: Channel(k == FD) for k in range(9)}
+        self.channels = {k: Channel(k == FD) for k in range(10)}
         self.counts = dict.fromkeys((
             "frames_good", "frames_lost", "frames_damaged", "frames_repeated",
             "frames_out_of_sequence", "frames_orphaned", "timeouts", "lists_whole",
@@ -280,7 +282,7 @@ class Receiver:
             if not self._is_stopped():  # the silence of what was stopped is none to be told
                 self.counts["timeouts"] += 1
                 events.add(TIMEOUT)
-            for k in LIST_KINDS + (MOTION,) if kind == HEADER else (kind,):
+            for k in LIST_KINDS + OPTIONAL_KINDS if kind == HEADER else (kind,):
                 self.channels[k].restart()
             if kind == STATUS:
                 self.status = self._last_word()
@@ -322,6 +324,9 @@ class Receiver:
         if kind == MOTION:
             self._take_motion(data)
             return set()
+        if kind == VIEW:
+            self._take_corner(data)
+            return set()
         return self._take_object(kind, data)
 
     def _take_status(self, data):
@@ -361,7 +366,8 @@ class Receiver:
             "synchronised": raw(data, 22, 2) == 1, "truncated": raw(data, 60, 1) == 1,
             "latency_s": number(raw(data, 36, 12), 0, 4094, 0.001),
             "cycle_s": number(raw(data, 48, 12), 0, 4094, 0.01),
-            "capture": None, "objects": {}, "parts": {}, "motions": []}
+            "capture": None, "objects": {}, "parts": {}, "motions": [],
+            "corners": {}, "viewed": False, "areas": None}
         return events
 
     def _take_time(self, data, delta):
@@ -405,6 +411,30 @@ class Receiver:
         else:
             new["motions"].append(data)
 
+    def _take_corner(self, data):
+        """Nor does a corner.  One that cannot be spoils its area."""
+        new = self.next
+        if not new or raw(data, 16, 4) != new["counter"] & 0xF:
+            self.counts["frames_orphaned"] += 1
+            return
+        new["viewed"] = True
+        wall, area, corner, n = (raw(data, at, 4) for at in (20, 24, 28, 32))
+        if n == 0 or area >= MAX_AREAS:
+            return
+        at = [number(signed(data, start, 14), -8191, 8191, 0.02) for start in (36, 50)]
+        said, corners = new["corners"].setdefault(area, ((wall, n), {}))
+        if said != (wall, n) or corner >= n or n > MAX_CORNERS or None in at:
+            new["corners"][area] = (None, {})
+        else:
+            corners[corner] = at
+
+    @staticmethod
+    def _areas(corners):
+        """Those of which all corners came."""
+        return [{"wall_id": said[0], "corners_m": [found[k] for k in range(said[1])]}
+                for _, (said, found) in sorted(corners.items())
+                if said and said[1] >= 3 and len(found) == said[1]]
+
     def _finish(self):
         new = self.next
         whole = ({FD}, {OBJECT_STATE, DYNAMICS, QUALITY})
@@ -422,6 +452,8 @@ class Receiver:
             for object_id, data in {raw(d, 16, 8): d for d in new["motions"]}.items():
                 if object_id in new["objects"]:
                     object_take(new["objects"][object_id], MOTION, data)
+        if new["viewed"] and self.channels[VIEW].state == "VALID":
+            new["areas"] = self._areas(new["corners"])
         self.list, self.next = new, None
         self.good_ms[HEADER] = new["header_ms"]
         self.counts["lists_whole"] += 1
@@ -490,7 +522,7 @@ def as_json(view, time_us):
             "truncated": new["truncated"], "synchronised": new["synchronised"],
             "capture_s": new["capture"][0], "capture_fraction": new["capture"][1],
             "latency_s": new["latency_s"], "cycle_s": new["cycle_s"],
-            "objects": list(new["objects"].values())}
+            "objects": list(new["objects"].values()), "areas": new["areas"]}
 
 
 def as_text(view, time_us):

@@ -51,10 +51,12 @@ def decoded_lists(log, anlos):
         if name == "Status":
             state = s
         elif name == "ListHeader":
-            now = {"header": s, "objects": {}, "time": None}
+            now = {"header": s, "objects": {}, "time": None, "corners": []}
             lists.append(now)
         elif name == "Time":
             now["time"] = s
+        elif name == "FieldOfView":
+            now["corners"].append(s)
         elif name and name.startswith("Object"):
             now["objects"].setdefault(s["Id"], {}).update(s)
         if name not in (None, "Status", "Diagnosis") and now:
@@ -84,6 +86,20 @@ def check_object(o, s):
         fail(f"object {o['id']}, WallId", o, s)
 
 
+def check_areas(found, frames):
+    """As the frames come from a sensor that is well: area by area, corner by corner."""
+    if not frames:
+        if found["areas"] is not None:
+            fail("areas of no frame", found)
+        return
+    corners = [(c["WallId"], c["X"], c["Y"]) for c in frames if c["Corners"]]
+    told = [(a["wall_id"], x, y) for a in found["areas"] or () for x, y in a["corners_m"]]
+    if found["areas"] is None or len(corners) != len(told) or any(
+            a[0] != b[0] or not same(a[1], b[1], 1e-4) or not same(a[2], b[2], 1e-4)
+            for a, b in zip(corners, told)):
+        fail("other areas", found["areas"], frames)
+
+
 def check_list(found, decoded):
     header, taken = decoded["header"], decoded["time"]
     seconds = found["capture_s"] + found["capture_fraction"] / 65536
@@ -93,6 +109,7 @@ def check_list(found, decoded):
             or found["synchronised"] != (header["TimeSync"] == "Synchronised")
             or abs(seconds - taken["Seconds"] - taken["Fraction"]) > 1e-5):
         fail(f"list {header['Counter']}", found, decoded)
+    check_areas(found, decoded["corners"])
     if {o["id"] for o in found["objects"]} != set(decoded["objects"]):
         fail(f"list {header['Counter']}: other objects", found, decoded)
     for o in found["objects"]:
@@ -108,6 +125,9 @@ def without_first_of_each_kind(lists):
         for kind, count in (("list", 1), ("fd" if fd else "classic", n)):
             heard[kind] = heard.get(kind, 0) + count
         motions = [s for s in decoded["objects"].values() if "Course" in s]
+        heard["view"] = heard.get("view", 0) + len(decoded["corners"])
+        if heard["view"] < 2:
+            decoded["corners"] = []
         heard["motion"] = heard.get("motion", 0) + len(motions)
         for s in motions if heard["motion"] < 2 else ():
             for signal in MOTION:
@@ -162,7 +182,9 @@ def main():
     if n < least or len(c) < 3:
         fail(f"only {n} objects in {len(c) - 1} lists")
     courses = sum(o["course_rad"] is not None for line in c[:-1] for o in line["objects"])
-    print(f"{len(c) - 1} lists with {n} objects, {courses} of them with a course: the same")
+    areas = sum(len(line["areas"] or ()) for line in c[:-1])
+    print(f"{len(c) - 1} lists with {n} objects, {courses} of them with a course, and {areas} "
+          "areas: the same")
 
 
 main()

@@ -8,7 +8,19 @@
 #include <stdint.h>
 #include <string.h>
 
-enum { STATUS, DIAGNOSIS, HEADER, TIME, STATE, DYNAMICS, QUALITY, MOTION, FD, KINDS };
+enum {
+    STATUS,
+    DIAGNOSIS,
+    HEADER,
+    TIME,
+    STATE,
+    DYNAMICS,
+    QUALITY,
+    MOTION,
+    FD,
+    VIEW,
+    KINDS
+};
 
 struct sensor_frame {
     uint32_t id;
@@ -133,6 +145,23 @@ static inline struct sensor_frame sensor_object(const struct sensor *s, unsigned
 
     sensor_put(&f, kind == FD ? 24 : 16, 8, id);
     sensor_put(&f, kind == FD ? 32 : 24, kind == FD ? 12 : 4, s->list);
+    return f;
+}
+
+/* A corner of an area of the list of now; x, y in steps of 2 cm. */
+static inline struct sensor_frame sensor_corner(const struct sensor *s, unsigned area,
+                                                unsigned corner, unsigned corners, int x,
+                                                int y)
+{
+    struct sensor_frame f = sensor_blank(s, VIEW);
+
+    sensor_put(&f, 16, 4, s->list & 15);
+    sensor_put(&f, 20, 4, 3); /* the wall */
+    sensor_put(&f, 24, 4, area);
+    sensor_put(&f, 28, 4, corner);
+    sensor_put(&f, 32, 4, corners);
+    sensor_put(&f, 36, 14, x);
+    sensor_put(&f, 50, 14, y);
     return f;
 }
 

@@ -100,6 +100,16 @@ static void print_list(const struct anlos_view *v, int64_t time_us)
         printf(i ? "," : "");
         print_object(&l->objects[i]);
     }
+    printf(l->view_known ? "],\"areas\":[" : "],\"areas\":null}\n");
+    if (!l->view_known)
+        return;
+    for (size_t i = 0; i < l->n_areas; i++) {
+        const struct anlos_area *a = &l->areas[i];
+        printf("%s{\"wall_id\":%u,\"corners_m\":[", i ? "," : "", a->wall_id);
+        for (size_t k = 0; k < a->n_corners; k++)
+            printf("%s[%.9g,%.9g]", k ? "," : "", (double)a->x_m[k], (double)a->y_m[k]);
+        printf("]}");
+    }
     printf("]}\n");
 }
 

@@ -600,6 +600,103 @@ static void no_motion_spoils_a_list(void **state)
     assert_int_equal(b->view.trust, ANLOS_TRUST_FULL);
 }
 
+static void begin_list(struct bench *b, unsigned number)
+{
+    b->s.list = (b->s.list + 1) % 4096;
+    b->s.capture_s++;
+    send(b, sensor_header(&b->s, number));
+}
+
+static void send_triangle(struct bench *b, unsigned area)
+{
+    static const int at[3][2] = {{50, -100}, {250, -100}, {250, 8191}};
+
+    for (unsigned k = 0; k < 3; k++)
+        assert_int_equal(send(b, sensor_corner(&b->s, area, k, 3, at[k][0], at[k][1])),
+                         0);
+}
+
+static void a_list_has_the_field_of_view_that_came_with_it(void **state)
+{
+    struct bench *b = *state;
+
+    get_going(b);
+    assert_int_equal(look(b)->list->view_known, 0);
+    for (unsigned n = 0; n < 2; n++) { /* with an object, and without */
+        begin_list(b, n);
+        send_triangle(b, 4);
+        send_triangle(b, 0);
+        send(b, sensor_time(&b->s));
+        for (unsigned i = 0; i < n; i++)
+            send_object(b, 1);
+        const struct anlos_list *l = look(b)->list;
+        assert_int_equal(l->counter, b->s.list);
+        assert_int_equal(l->n_objects, n);
+        assert_int_equal(l->view_known, 1);
+        assert_int_equal(l->n_areas, 2);
+        assert_int_equal(l->areas[0].wall_id, 3);
+        assert_int_equal(l->areas[1].n_corners, 3);
+        assert_float_equal(l->areas[1].x_m[0], 1.0, 1e-5);
+        assert_float_equal(l->areas[1].y_m[1], -2.0, 1e-5);
+        assert_float_equal(l->areas[1].y_m[2], 163.82, 1e-4);
+    }
+    begin_list(b, 0);
+    send(b, sensor_corner(&b->s, 0, 0, 0, -8192, -8192)); /* nothing is seen */
+    send(b, sensor_time(&b->s));
+    assert_int_equal(look(b)->list->view_known, 1);
+    assert_int_equal(look(b)->list->n_areas, 0);
+    open_list(b, 0);
+    assert_int_equal(look(b)->list->counter, b->s.list);
+    assert_int_equal(look(b)->list->view_known, 0);
+    assert_int_equal(counts(b)->frames_orphaned, 0);
+}
+
+/* Of three areas the first is whole, and the second is not: each time for another reason.
+ */
+static void an_area_that_is_not_whole_is_left_out(void **state)
+{
+    struct bench *b = *state;
+
+    get_going(b);
+    for (unsigned bad = 0; bad < 7; bad++) {
+        begin_list(b, 0);
+        send_triangle(b, 1);
+        send(b, sensor_corner(&b->s, 2, 0, 3, 0, 0));
+        send(b, sensor_corner(&b->s, 2, 1, 3, 100, 0));
+        if (bad == 1) /* another number of corners */
+            send(b, sensor_corner(&b->s, 2, 2, 4, 100, 100));
+        else if (bad == 2) /* one that is not available */
+            send(b, sensor_corner(&b->s, 2, 2, 3, -8192, 100));
+        else if (bad == 3) /* a fourth of three */
+            send(b, sensor_corner(&b->s, 2, 3, 3, 100, 100));
+        else if (bad == 4) { /* of the list before */
+            struct sensor_frame f = sensor_corner(&b->s, 2, 2, 3, 100, 100);
+            sensor_put(&f, 16, 4, (b->s.list - 1) & 15);
+            send(b, f);
+        } else if (bad == 5) { /* by way of another wall */
+            struct sensor_frame f = sensor_corner(&b->s, 2, 2, 3, 100, 100);
+            sensor_put(&f, 20, 4, 4);
+            send(b, f);
+        } else if (bad == 6) /* an area of a number that there is none of */
+            send(b, sensor_corner(&b->s, 15, 2, 3, 100, 100));
+        send(b, sensor_time(&b->s));
+        assert_int_equal(look(b)->list->counter, b->s.list);
+        assert_int_equal(look(b)->list->n_areas, 1);
+    }
+    assert_int_equal(counts(b)->frames_orphaned, 1);
+    for (int i = 0; i < 2; i++) {
+        struct sensor_frame f = sensor_next(&b->s, sensor_corner(&b->s, 0, 0, 3, 0, 0));
+        f.data[7] ^= 1;
+        assert_int_equal(hear(b, f), ANLOS_EVENT_WRONG);
+    }
+    begin_list(b, 0);
+    send_triangle(b, 1); /* not believed any more, and the list is */
+    send(b, sensor_time(&b->s));
+    assert_int_equal(look(b)->list->counter, b->s.list);
+    assert_int_equal(look(b)->list->view_known, 0);
+    assert_int_equal(b->view.trust, ANLOS_TRUST_FULL);
+}
+
 static void the_time_of_the_next_list_is_not_taken(void **state)
 {
     struct bench *b = *state;
@@ -1194,7 +1291,7 @@ static void what_is_not_the_sensors_is_left_alone(void **state)
 {
     struct bench *b = *state;
     uint8_t data[64] = {0};
-    static const uint32_t others[] = {0,     0x3FF, 0x409,      0x40C,     0x40F,
+    static const uint32_t others[] = {0,     0x3FF, 0x40A,      0x40C,     0x40F,
                                       0x410, 0x7FF, 0x80000400, UINT32_MAX};
 
     for (size_t i = 0; i < sizeof others / sizeof *others; i++)
@@ -1283,6 +1380,8 @@ int main(void)
         TEST(a_list_has_one_kind_of_objects),
         TEST(a_list_is_whole_without_motions_and_takes_those_that_came),
         TEST(no_motion_spoils_a_list),
+        TEST(a_list_has_the_field_of_view_that_came_with_it),
+        TEST(an_area_that_is_not_whole_is_left_out),
         TEST(the_time_of_the_next_list_is_not_taken),
         TEST(a_whole_list_that_gets_lost_costs_no_other),
         TEST(a_list_has_one_time),

@@ -114,10 +114,10 @@ YAML
     pace "$work/out-$name/can.candump" >"$work/$name"
 }
 
-# The log of a drive as launch/drive.yaml has it, with motions, until 60 objects were sent, or for as long
+# The log of a drive as launch/drive.yaml has it, with motions and views, until 60 objects were sent, or for as long
 # as a machine gets that is too busy for its true pace: $work/drive or $work/drive-fd.
 drive() {
-    local name=$1 options=", motion: yes" pid
+    local name=$1 options=", motion: yes, field_of_view: yes" pid
     if [ "$name" = drive-fd ]; then options+=", fd: yes"; fi
     cat >"$work/$name.yaml" <<YAML
 nodes: [array, scan, dsp, recon, wall, track, can, report]
