@@ -38,6 +38,27 @@ static json_t *array_json(const struct survey *s)
     return all;
 }
 
+/* Where it ends, at the height of its foot; null: it is not known to end. */
+static json_t *ends_json(const struct survey *s, const struct wall *w)
+{
+    double upright[3], level[3], end[3], on_plan[2];
+    json_t *both = json_array();
+
+    if (!wall_ends(w)) {
+        json_decref(both);
+        return json_null();
+    }
+    wall_axes(w, upright, level);
+    for (int k = 0; k < 2; k++) {
+        for (int a = 0; a < 3; a++)
+            end[a] = w->distance_m * w->normal[a] + w->ends_m[k] * level[a];
+        survey_to_vehicle(s, end, end);
+        plan_point(s->has_mount, end, on_plan);
+        json_array_append_new(both, pair(on_plan));
+    }
+    return both;
+}
+
 /* NULL: it has no line. */
 static json_t *wall_json(const struct survey *s, const struct wall_gate *w)
 {
@@ -45,9 +66,9 @@ static json_t *wall_json(const struct survey *s, const struct wall_gate *w)
 
     if (!plan_wall(s, &w->plane, point, direction))
         return NULL;
-    return json_pack("{si so so so so}", "id", (int)w->id, "point", pair(point),
-                     "direction", pair(direction), "sd_m",
-                     export_real(sqrt(w->plane.covariance[5])), "sd_rad",
+    return json_pack("{si so so so so so}", "id", (int)w->id, "point", pair(point),
+                     "direction", pair(direction), "ends", ends_json(s, &w->plane),
+                     "sd_m", export_real(sqrt(w->plane.covariance[5])), "sd_rad",
                      export_real(sqrt(w->plane.covariance[0])));
 }
 
@@ -158,10 +179,26 @@ static json_t *object_json(bool in_vehicle_frame, const Anlos__Detection *d)
                      export_multipath(d));
 }
 
+static json_t *view_json(bool in_vehicle_frame, const Anlos__ViewArea *a)
+{
+    json_t *corners = json_array();
+
+    for (size_t i = 0; i + 1 < a->n_corners_m; i += 2) {
+        const double x = a->corners_m[i], y = a->corners_m[i + 1];
+        const double p[3] = {x, in_vehicle_frame ? y : 0.0, in_vehicle_frame ? 0.0 : y};
+        double on_plan[2];
+        plan_point(in_vehicle_frame, p, on_plan);
+        json_array_append_new(corners, pair(on_plan));
+    }
+    return json_pack("{si so}", "wall", (int)a->wall, "corners", corners);
+}
+
 json_t *plan_objects_json(const Anlos__DetectionList *list, const struct trails *trails)
 {
-    json_t *items = json_array();
+    json_t *items = json_array(), *views = json_array();
 
+    for (size_t i = 0; i < list->n_views; i++)
+        json_array_append_new(views, view_json(list->in_vehicle_frame, list->views[i]));
     for (size_t i = 0; i < list->n_detections; i++) {
         const Anlos__Detection *d = list->detections[i];
         if (d->measurement == ANLOS__MEASUREMENT__DELETED)
@@ -171,11 +208,11 @@ json_t *plan_objects_json(const Anlos__DetectionList *list, const struct trails 
             add_track(item, d, trails_find(trails, d->id), list->in_vehicle_frame);
         json_array_append_new(items, item);
     }
-    return json_pack("{ss si sb sb sb sb ss ss so}", "type", "objects", "scan",
+    return json_pack("{ss si sb sb sb sb ss ss so so}", "type", "objects", "scan",
                      (int)list->scan, "preview", list->preview, "tracked", list->tracked,
                      "mirrored", list->mirrored, "ego_unknown", list->ego_unknown,
                      "frame", list->in_vehicle_frame ? "vehicle" : "array", "source",
-                     name_of_source(list->source), "items", items);
+                     name_of_source(list->source), "items", items, "views", views);
 }
 
 json_t *plan_footprint_json(const struct survey *s, const struct wall *wall,

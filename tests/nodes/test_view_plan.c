@@ -213,7 +213,34 @@ static void an_object_is_where_it_is(void **state)
     /* What a message leaves out is not known, and nothing worse. */
     item = json_array_get(json_object_get(o, "items"), 1);
     assert_true(json_is_null(json_array_get(json_object_get(item, "at"), 0)));
+    assert_int_equal(json_array_size(json_object_get(o, "views")), 0);
     json_decref(o);
+}
+
+/* In the vehicle frame what is left is at -y to the right; in the array's x is right. */
+static void what_is_seen_is_outlined(void **state)
+{
+    double corners[6] = {4.4, -1.14, 6, 2, 4.4, 2};
+    Anlos__ViewArea a = ANLOS__VIEW_AREA__INIT, *views[1] = {&a};
+    Anlos__DetectionList list = ANLOS__DETECTION_LIST__INIT;
+
+    (void)state;
+    a.wall = 3;
+    a.corners_m = corners;
+    a.n_corners_m = 6;
+    list.views = views;
+    list.n_views = 1;
+    for (int vehicle = 0; vehicle < 2; vehicle++) {
+        list.in_vehicle_frame = vehicle;
+        json_t *o = plan_objects_json(&list, NULL);
+        const json_t *view = json_array_get(json_object_get(o, "views"), 0),
+                     *at = json_object_get(view, "corners");
+        assert_int_equal(json_integer_value(json_object_get(view, "wall")), 3);
+        assert_int_equal(json_array_size(at), 3);
+        assert_near(number(json_array_get(at, 0), 0), vehicle ? 1.14 : 4.4, 1e-9);
+        assert_near(number(json_array_get(at, 0), 1), vehicle ? 4.4 : -1.14, 1e-9);
+        json_decref(o);
+    }
 }
 
 /* 1.2 m/s ahead and 0.5 to the left; it was 0.3 m behind 0.25 s before. */
@@ -270,6 +297,7 @@ static void walls_that_are_told_keep_their_state(void **state)
     struct walls walls;
     struct error why;
     Anlos__Vec3 n = ANLOS__VEC3__INIT, up = ANLOS__VEC3__INIT;
+    double ends[2] = {-1.0, 2.5};
     Anlos__Wall ceiling = ANLOS__WALL__INIT, w = ANLOS__WALL__INIT;
     Anlos__Wall *both[2] = {&ceiling, &w};
     Anlos__WallList list = ANLOS__WALL_LIST__INIT;
@@ -289,6 +317,8 @@ static void walls_that_are_told_keep_their_state(void **state)
     list.walls = both;
     list.n_walls = 2;
     list.text = (char *)"one is lost";
+    w.ends_m = ends;
+    w.n_ends_m = 2;
     assert_int_equal(walls_from_message(&walls, &list, &why), 0);
     json_t *o = plan_walls_json(&s, &list, &walls), *items = json_object_get(o, "items");
     const json_t *item = json_array_get(items, 0);
@@ -298,6 +328,11 @@ static void walls_that_are_told_keep_their_state(void **state)
     assert_near(json_number_value(json_object_get(item, "sd_m")), 3e-3, 1e-9);
     assert_near(json_number_value(json_object_get(item, "unseen_s")), 1.5, 1e-9);
     assert_near(number(json_object_get(item, "point"), 1), 5.6, 1e-9); /* 3.6 + 2 */
+    for (int k = 0; k < 2; k++) { /* 1 m to the left of the array, and 2.5 to the right */
+        const json_t *end = json_array_get(json_object_get(item, "ends"), (size_t)k);
+        assert_near(number(end, 0), ends[k] - s.mount_origin_m[1], 1e-9);
+        assert_near(number(end, 1), 5.6, 1e-9);
+    }
     assert_string_equal(json_string_value(json_object_get(o, "text")), "one is lost");
     json_decref(o);
 }
@@ -313,6 +348,7 @@ int main(void)
         cmocka_unit_test(the_footprint_is_mirrored_back),
         cmocka_unit_test(the_scene_says_what_is_known_and_what_is_not),
         cmocka_unit_test(an_object_is_where_it_is),
+        cmocka_unit_test(what_is_seen_is_outlined),
         cmocka_unit_test(a_track_has_velocity_and_trail),
         cmocka_unit_test(walls_that_are_told_keep_their_state),
     };

@@ -72,7 +72,7 @@ export function textOf(o) {
 
 export function drawWall(wall, at) {
     const far = 100;
-    const ends = [-far, far].map((k) => [0, 1].map((i) => wall.point[i] + k * wall.direction[i]));
+    const ends = wall.ends || [-far, far].map((k) => [0, 1].map((i) => wall.point[i] + k * wall.direction[i]));
     const unseen = wall.unseen_s > UNSEEN_S || wall.existence < 0.5;
     const drawn = line(unseen ? "plan-wall unseen" : "plan-wall", at, ...ends);
     drawn.dataset.id = wall.id;

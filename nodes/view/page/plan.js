@@ -109,11 +109,12 @@ function nameObjects(labels, items, walls, at) {
         labels.add("object-name", at.px(o.at[0]), at.py(o.at[1]), textOf(o), { away: 11, must: true, bold: true });
 }
 
-function explain(items, times, picture) {
+function explain(items, views, times, picture) {
     const parts = picture ? ["Under it the image, black up to its median."] : [];
     if (items.length) parts.push(`Ellipses: where an object is with 95 % probability${times > 1 ? `, drawn ${times} times as large` : ""}.`);
     if (items.some((o) => o.velocity)) parts.push("Arrows: the motion over ground of one second; lines: of the last three.");
     if (items.some((o) => o.measurement === "predicted")) parts.push("Hollow: not seen just now.");
+    if (views.length) parts.push("Thin outlines: the floor that is seen; outside nothing is claimed.");
     $("plan-legend").textContent = parts.join(" ");
 }
 
@@ -129,8 +130,9 @@ export function drawPlan(known, picture) {
         inVehicle: scene.frame === "vehicle" };
     const { walls, array, area, inVehicle } = things;
     const items = (objects?.items || []).filter((o) => o.at[0] !== null && o.at[1] !== null);
+    const views = objects?.views || [];
     const hits = items.map((o) => (objects.mirrored ? turningPoint(o, array, walls) : null));
-    const points = [...array.ends, ...area, ...items.map((o) => o.at), ...hits.filter(Boolean), ...walls.map((w) => w.point)];
+    const points = [...array.ends, ...area, ...views.flatMap((view) => view.corners), ...items.map((o) => o.at), ...hits.filter(Boolean), ...walls.map((w) => w.point)];
     if (inVehicle) points.push(...SHOWN_OF_CAR.map((p) => [p[0], p[1] + array.ahead]));
 
     const { box, perMetre, spans } = layOut(points, picture);
@@ -145,6 +147,8 @@ export function drawPlan(known, picture) {
     if (area.length)
         inside.append(svg("polygon", { class: picture ? "plan-area imaged" : "plan-area",
             points: area.map((p) => `${at.px(p[0])},${at.py(p[1])}`).join(" ") }));
+    for (const view of views)
+        inside.append(svg("polygon", { class: "plan-view", points: view.corners.map((p) => `${at.px(p[0])},${at.py(p[1])}`).join(" ") }));
     if (inVehicle) inside.append(drawCar(array.ahead, at));
     inside.append(...walls.map((w) => drawWall(w, at)));
     items.forEach((o, i) => {
@@ -157,6 +161,6 @@ export function drawPlan(known, picture) {
     nameObjects(labels, items, walls, at);
     nameThings(labels, things, at, box);
     inside.append(...labels.drawn);
-    explain(items, times, picture);
+    explain(items, views, times, picture);
     plot.replaceChildren(...(picture && area.length === 4 ? [drawUnder(picture, area, at, box)] : []), drawing);
 }
