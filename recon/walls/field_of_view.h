@@ -7,8 +7,8 @@
  * and seen where no other wall stands in the way back.  All areas are convex, and claim
  * less rather than more: a circle of the greatest range is cut by chords, one of the
  * least by a straight line, and of more than VIEW_CORNERS corners those that cost the
- * least area are left out.  Walls count as upright and heights do not count, as in
- * sight_shows. */
+ * least area are left out.  Walls count as upright and as exact, and heights do
+ * not count, as in sight_shows. */
 #ifndef ANLOS_RECON_WALLS_FIELD_OF_VIEW_H
 #define ANLOS_RECON_WALLS_FIELD_OF_VIEW_H
 
