@@ -245,29 +245,23 @@ static int check_ahead(const struct survey *s, const double normal[3], double di
                           distance_m, normal[0], normal[1], normal[2]);
 }
 
-/* Two points of the array's plane, in either order, as they are along a wall; to the
- * micrometre, so that a survey that was saved is the same again. */
+/* Two points of the array's plane. */
 static int take_ends(double out[2], const double normal[3], double distance_m,
                      const double (*points)[2], const char *path, const char *key,
                      struct error *why)
 {
     struct wall w = {.normal = {normal[0], normal[1], normal[2]},
                      .distance_m = distance_m};
-    double upright[3], level[3], at_m[2];
     if (!points)
         return 0;
-    wall_axes(&w, upright, level);
-    for (int k = 0; k < 2; k++)
-        at_m[k] = 1e-6 * round(1e6 * (level[0] * points[k][0] + level[2] * points[k][1]));
-    out[0] = fmin(at_m[0], at_m[1]);
-    out[1] = fmax(at_m[0], at_m[1]);
-    if (out[0] < out[1])
-        return 0;
-    return yaml_error_say(why, -EINVAL, path, key,
-                          "[%g, %g] and [%g, %g] are one place of a wall along [%g, %g]; "
-                          "expected where it begins and where it ends",
-                          points[0][0], points[0][1], points[1][0], points[1][1],
-                          level[0], level[2]);
+    if (!wall_end_at(&w, (double[]){points[0][0], 0.0, points[0][1]},
+                     (double[]){points[1][0], 0.0, points[1][1]}))
+        return yaml_error_say(why, -EINVAL, path, key,
+                              "[%g, %g] and [%g, %g] are one place of the wall; expected "
+                              "where it begins and where it ends",
+                              points[0][0], points[0][1], points[1][0], points[1][1]);
+    memcpy(out, w.ends_m, sizeof w.ends_m);
+    return 0;
 }
 
 static int take_walls(struct survey *s, const struct survey_yaml *y, const char *path,

@@ -224,7 +224,8 @@ void api_list(struct anlos_list *out, const struct object_list *l, int64_t captu
                                .mirrored = l->mirrored,
                                .in_vehicle_frame = l->in_vehicle_frame,
                                .tracked = l->tracked,
-                               .ego_unknown = l->ego_unknown};
+                               .ego_unknown = l->ego_unknown,
+                               .n_areas = l->view.n};
 }
 
 static int shape_of(enum shape shape)
@@ -306,6 +307,7 @@ void api_wall(struct anlos_wall *out, const struct walls *walls, size_t i)
                                .origin = origins[walls->origin[i]]};
     memcpy(out->normal, w->plane.normal, sizeof out->normal);
     memcpy(out->covariance, w->plane.covariance, sizeof out->covariance);
+    memcpy(out->ends_m, w->plane.ends_m, sizeof out->ends_m);
 }
 
 static int take_wall(struct walls *out, size_t i, const struct anlos_wall *w,
@@ -329,6 +331,7 @@ static int take_wall(struct walls *out, size_t i, const struct anlos_wall *w,
         .gate_m = {w->gate_m[0], ungated ? WALLS_FAR_M : w->gate_m[1]}};
     memcpy(out->list[i].plane.normal, w->normal, sizeof w->normal);
     memcpy(out->list[i].plane.covariance, w->covariance, sizeof w->covariance);
+    memcpy(out->list[i].plane.ends_m, w->ends_m, sizeof w->ends_m);
     out->existence[i] = w->existence;
     out->unseen_s[i] = w->unseen_s;
     out->origin[i] = w->origin == ANLOS_WALL_CONFIGURED ? WALL_CONFIGURED
@@ -399,6 +402,27 @@ int api_objects_at(const struct api_objects *o, size_t i, struct anlos_object *o
         return code;
     api_object(&own, &o->list.objects[i]);
     return API_GIVE(out, &own, "struct anlos_object", why);
+}
+
+_Static_assert(sizeof((struct view_area){0}.corners_m) ==
+                   sizeof((struct anlos_area){0}.corners_m),
+               "");
+
+int api_objects_area(const struct api_objects *o, size_t i, struct anlos_area *out,
+                     struct anlos_error *why)
+{
+    struct anlos_area own;
+    int code = check_there(o, why);
+
+    if (!code && i >= o->list.view.n)
+        code = api_fail(why, ANLOS_INVALID, "area %zu of %zu, counted from 0", i,
+                        o->list.view.n);
+    if (code)
+        return code;
+    const struct view_area *a = &o->list.view.areas[i];
+    own = (struct anlos_area){.size = sizeof own, .wall = a->wall, .n_corners = a->n};
+    memcpy(own.corners_m, a->corners_m, sizeof own.corners_m);
+    return API_GIVE(out, &own, "struct anlos_area", why);
 }
 
 int api_motion(struct ego_motion *out, double speed_m_s, double yaw_rate_rad_s,

@@ -91,6 +91,8 @@ struct api_objects { /* the newest list */
 };
 int api_objects_list(const struct api_objects *o, struct anlos_list *out,
                      struct anlos_error *why);
+int api_objects_area(const struct api_objects *o, size_t i, struct anlos_area *out,
+                     struct anlos_error *why);
 int api_objects_at(const struct api_objects *o, size_t i, struct anlos_object *out,
                    struct anlos_error *why);
 

@@ -298,6 +298,14 @@ int anlos_pipeline_object(const struct anlos_pipeline *p, size_t i,
     return code ? code : api_objects_at(&p->objects, i, out, why);
 }
 
+int anlos_pipeline_area(const struct anlos_pipeline *p, size_t i, struct anlos_area *out,
+                        struct anlos_error *why)
+{
+    int code = api_there(p, "pipeline", why);
+
+    return code ? code : api_objects_area(&p->objects, i, out, why);
+}
+
 /* Before somebody has told of them they are the survey's. */
 static void known_walls(const struct anlos_pipeline *p, struct walls *out)
 {

@@ -558,6 +558,14 @@ int anlos_detector_object(const struct anlos_detector *d, size_t i,
     return code ? code : api_objects_at(&d->objects, i, out, why);
 }
 
+int anlos_detector_area(const struct anlos_detector *d, size_t i, struct anlos_area *out,
+                        struct anlos_error *why)
+{
+    int code = api_there(d, "detector", why);
+
+    return code ? code : api_objects_area(&d->objects, i, out, why);
+}
+
 /* -- tracker ----------------------------------------------------------------------------
  */
 
@@ -657,6 +665,14 @@ int anlos_tracker_object(const struct anlos_tracker *t, size_t i,
     int code = api_there(t, "tracker", why);
 
     return code ? code : api_objects_at(&t->objects, i, out, why);
+}
+
+int anlos_tracker_area(const struct anlos_tracker *t, size_t i, struct anlos_area *out,
+                       struct anlos_error *why)
+{
+    int code = api_there(t, "tracker", why);
+
+    return code ? code : api_objects_area(&t->objects, i, out, why);
 }
 
 /* -- ego motion -------------------------------------------------------------------------

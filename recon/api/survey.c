@@ -8,6 +8,7 @@
 #include "recon/api/api.h"
 #include "recon/processing.h"
 #include "recon/tail.h"
+#include "recon/walls/wall.h"
 
 /* The paper's chirp; its slots follow each other without a pause. */
 #define RATE_HZ    48000.0
@@ -453,6 +454,34 @@ int anlos_survey_add_wall(struct anlos_survey *s, const double normal[3],
     }
     to->n_walls += to->n_walls ? 0 : 1;
     to->walls[to->n_walls++] = fresh;
+    return 0;
+}
+
+int anlos_survey_end_wall(struct anlos_survey *s, const double from_m[3],
+                          const double to_m[3], struct anlos_error *why)
+{
+    int code = api_there(s, "survey", why);
+
+    if (!code)
+        code = api_there(from_m, "from_m", why);
+    if (!code)
+        code = api_there(to_m, "to_m", why);
+    if (!code && !s->inside.has_wall)
+        code = api_fail(why, ANLOS_INVALID, "no wall was added that may end");
+    if (!code)
+        code = api_finite(from_m, 3, "where the wall begins", why);
+    if (!code)
+        code = api_finite(to_m, 3, "where the wall ends", why);
+    if (code)
+        return code;
+    struct survey *to = &s->inside;
+    size_t last = to->n_walls ? to->n_walls - 1 : 0;
+    const double *normal = to->n_walls ? to->walls[last].normal : to->wall_normal;
+    struct wall w = {.normal = {normal[0], normal[1], normal[2]}};
+    if (!wall_end_at(&w, from_m, to_m))
+        return api_fail(why, ANLOS_INVALID,
+                        "the wall begins and ends at one place of it, expected two");
+    memcpy(to->wall_ends_m[last], w.ends_m, sizeof w.ends_m);
     return 0;
 }
 

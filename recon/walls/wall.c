@@ -60,6 +60,20 @@ void wall_axes(const struct wall *w, double upright[3], double level[3])
     wall_axes_about(w->normal, array_up, upright, level);
 }
 
+bool wall_end_at(struct wall *w, const double a[3], const double b[3])
+{
+    const double *points[2] = {a, b};
+    double upright[3], level[3], at_m[2];
+
+    wall_axes(w, upright, level);
+    for (int k = 0; k < 2; k++)
+        at_m[k] = 1e-6 * round(1e6 * (level[0] * points[k][0] + level[1] * points[k][1] +
+                                      level[2] * points[k][2]));
+    w->ends_m[0] = fmin(at_m[0], at_m[1]);
+    w->ends_m[1] = fmax(at_m[0], at_m[1]);
+    return w->ends_m[0] < w->ends_m[1];
+}
+
 bool wall_ends(const struct wall *w)
 {
     return w->ends_m[0] != 0.0 || w->ends_m[1] != 0.0;

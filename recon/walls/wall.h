@@ -21,6 +21,10 @@ struct wall { /* { p : normal . p = distance_m }, normal of length 1 */
                              from the frame's origin; both 0: it is not known to end */
 };
 
+/* It ends where two points, in either order, are along it; to the micrometre, so that
+ * what was written and is read again is the same.  false: they are one place of it. */
+bool wall_end_at(struct wall *w, const double a[3], const double b[3]);
+
 /* Is it known where it ends? */
 bool wall_ends(const struct wall *w);
 

@@ -84,6 +84,13 @@ class Recorded(unittest.TestCase):
         self.assertAlmostEqual(z[0], 0.9)
         self.assertAlmostEqual(z[-1], 1.5)
 
+    def test_a_list_says_which_floor_it_can_tell_of(self):
+        area, = self.pipeline.objects().areas
+        z = self.pipeline.image().axis(2)
+        self.assertEqual(area.wall, 1)
+        self.assertEqual(area.corners_m.shape[1], 2)
+        self.assertAlmostEqual(area.corners_m[:, 0].max(), 2 * 0.8 - z[0])  # ahead
+
     def test_the_wall_is_the_surveys(self):
         wall, = self.pipeline.walls()
         numpy.testing.assert_array_equal(wall.normal, [0, 0, 1])
@@ -174,6 +181,29 @@ class Simulated(unittest.TestCase):
         for other in ({"together": 2, "walls": walls}, {"alternates": True, "walls": walls},
                       {"alternates": True, "together": 2, "walls": walls[:1]}):
             self.assertNotEqual(loaded.id, anlos.Survey(*places, **other, **same).id)
+
+
+    def test_walls_end_where_the_file_says_it(self):
+        name = self.scratch.name + "/ends.yaml"
+        text = ("sound_speed_m_s: 343\nsample_rate_hz: 48000\nslot_samples: 1500\n"
+                "speakers_m: [[0, 0, 0]]\nmicrophones_m: [[0, 0.2, 0]]\n"
+                "chirp: {start_hz: 2000, stop_hz: 20000, duration_s: 0.03}\n")
+        one = "wall: {normal: [0, 0, 1], distance_m: 1, ends_m: [[-0.5, 1], [2, 1]]}\n"
+        two = ("walls:\n  - {normal: [0, 0, 1], distance_m: 1, gate_m: [1, 3]}\n"
+               "  - {normal: [0, 0, 1], distance_m: 1, gate_m: [1, 3], "
+               "ends_m: [[2, 1], [-0.5, 1]]}\n")
+        same = {"chirp": (2000, 20000, 0.03), "slot_samples": 1500, "sound_speed_m_s": 343}
+        places, z, ends = ([[0, 0, 0]], [[0, 0.2, 0]]), [0, 0, 1], [[-0.5, 1], [2, 1]]
+        for said, walls in ((one, [(z, 1, 0, 0, ends)]),
+                            (two, [(z, 1, 1, 3), (z, 1, 1, 3, ends)])):
+            with open(name, "w", encoding="utf-8") as f:
+                f.write(text + said)
+            loaded = anlos.Survey.load(name)
+            self.assertEqual(loaded.id, anlos.Survey(*places, walls=walls, **same).id)
+            endless = [w[:4] for w in walls]
+            self.assertNotEqual(loaded.id, anlos.Survey(*places, walls=endless, **same).id)
+        wall, = anlos.Pipeline(anlos.Survey.load(name), method="fast").walls()[1:]
+        numpy.testing.assert_allclose(numpy.abs(wall.ends_m), [2, 0.5])
 
 
 class Stages(unittest.TestCase):

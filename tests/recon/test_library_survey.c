@@ -214,6 +214,72 @@ static void each_wall_mirrors_what_is_seen_in_its_ranges(void **state)
     anlos_survey_destroy(s);
 }
 
+/* Past it is heard directly, if at all. */
+static void a_wall_mirrors_between_its_ends(void **state)
+{
+    static const double near_m[3] = {-1.0, 0.0, 0.8}, far_m[3] = {1.0, 0.0, 0.8},
+                        beside_m[3] = {3.0, 0.0, 0.8}, nan_m[3] = {NAN, 0.0, 0.8};
+    float brightest;
+
+    (void)state;
+    for (int past = 0; past <= 1; past++) {
+        struct anlos_survey *s = make_survey_without_wall(POSITIONS);
+        refused(anlos_survey_end_wall(s, near_m, far_m, &why), ANLOS_INVALID,
+                "no wall was added");
+        ok(anlos_survey_add_wall(s, z_axis, 0.8, 0.0, 0.0, &why));
+        refused(anlos_survey_end_wall(s, near_m, near_m, &why), ANLOS_INVALID,
+                "one place");
+        refused(anlos_survey_end_wall(s, near_m, nan_m, &why), ANLOS_INVALID,
+                "where the wall ends");
+        refused(anlos_survey_end_wall(s, near_m, NULL, &why), ANLOS_INVALID,
+                "to_m is NULL");
+        ok(anlos_survey_end_wall(s, past ? beside_m : near_m, far_m, &why));
+        struct anlos_object o = find(s, NULL, &brightest);
+        assert_int_equal(o.wall, past ? 0 : 1);
+        assert_int_equal(o.behind_no_wall, past);
+        anlos_survey_destroy(s);
+    }
+}
+
+/* The image's box as it is behind the wall, turned over to the front of it: by hand. */
+static void a_list_says_which_floor_it_can_tell_of(void **state)
+{
+    (void)state;
+    struct anlos_survey *s = make_survey(POSITIONS);
+    struct anlos_list list = {.size = sizeof list};
+    struct anlos_area area = {.size = sizeof area};
+    struct anlos_image image = {.size = sizeof image};
+    struct anlos_config cfg;
+    struct anlos_pipeline *p;
+
+    anlos_config_init(&cfg);
+    ok(anlos_pipeline_create(&p, &cfg, s, &why));
+    refused(anlos_pipeline_area(p, 0, &area, &why), ANLOS_NOT_READY, "no list");
+    for (size_t k = 0; k < POSITIONS * SPEAKERS; k++) {
+        struct anlos_ping ping = make_ping(k / SPEAKERS, k % SPEAKERS);
+        echo(samples, k / SPEAKERS, k % SPEAKERS, 0.01);
+        ping.capture_ns = (int64_t)k * SECOND / 32;
+        ok(anlos_pipeline_ping(p, &ping, &why));
+    }
+    ok(anlos_pipeline_list(p, &list, &why));
+    ok(anlos_pipeline_image(p, &image, &why));
+    assert_int_equal(list.n_areas, 1);
+    ok(anlos_pipeline_area(p, 0, &area, &why));
+    assert_int_equal(area.wall, 1);
+    double low_m[2] = {INFINITY, INFINITY}, high_m[2] = {-INFINITY, -INFINITY};
+    assert_true(area.n_corners >= 3 && area.n_corners <= 8);
+    for (size_t k = 0; k < area.n_corners; k++)
+        for (int a = 0; a < 2; a++) {
+            low_m[a] = fmin(low_m[a], area.corners_m[k][a]);
+            high_m[a] = fmax(high_m[a], area.corners_m[k][a]);
+        }
+    assert_true(fabs(low_m[0] - image.origin_m[0]) < 1e-9);
+    assert_true(fabs(high_m[1] - (1.6 - image.origin_m[2])) < 1e-9);
+    refused(anlos_pipeline_area(p, 1, &area, &why), ANLOS_INVALID, "area 1 of 1");
+    anlos_pipeline_destroy(p);
+    anlos_survey_destroy(s);
+}
+
 static void a_ninth_wall_is_refused(void **state)
 {
     (void)state;
@@ -239,6 +305,8 @@ int main(void)
         cmocka_unit_test(a_response_that_is_none_is_refused),
         cmocka_unit_test(in_cold_air_what_is_heard_as_late_is_nearer),
         cmocka_unit_test(each_wall_mirrors_what_is_seen_in_its_ranges),
+        cmocka_unit_test(a_wall_mirrors_between_its_ends),
+        cmocka_unit_test(a_list_says_which_floor_it_can_tell_of),
         cmocka_unit_test(a_ninth_wall_is_refused),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -31,11 +31,13 @@ ANLOS_API int anlos_detector_image(struct anlos_detector *d,
                                    const struct anlos_wall *walls, size_t n,
                                    struct anlos_error *why);
 
-/* As anlos_pipeline_list and anlos_pipeline_object. */
+/* As anlos_pipeline_list, anlos_pipeline_object and anlos_pipeline_area. */
 ANLOS_API int anlos_detector_list(const struct anlos_detector *d, struct anlos_list *out,
                                   struct anlos_error *why);
 ANLOS_API int anlos_detector_object(const struct anlos_detector *d, size_t i,
                                     struct anlos_object *out, struct anlos_error *why);
+ANLOS_API int anlos_detector_area(const struct anlos_detector *d, size_t i,
+                                  struct anlos_area *out, struct anlos_error *why);
 
 ANLOS_END
 

@@ -67,6 +67,17 @@ struct anlos_list {       /* of objects */
     bool in_vehicle_frame; /* false: no mount is known, positions are the array's */
     bool tracked;          /* ids stay with objects from list to list */
     bool ego_unknown; /* the vehicle says no more how it moves: taken to be as it was */
+    size_t n_areas;   /* that it can tell of, at most 15 */
+};
+
+/* A part of the floor that a list can tell of, a convex polygon.  Outside of all of them
+ * it claims nothing, neither that something is there nor that nothing is. */
+struct anlos_area {
+    size_t size;            /* sizeof(struct anlos_area) */
+    uint32_t wall;          /* by way of which it is seen; 0: directly */
+    size_t n_corners;       /* 3..8, */
+    double corners_m[8][2]; /* counterclockwise: x, y of the vehicle's frame, or x, z of
+                               the array's where no mount is known */
 };
 
 #endif

@@ -106,6 +106,10 @@ ANLOS_API int anlos_pipeline_list(const struct anlos_pipeline *p, struct anlos_l
 ANLOS_API int anlos_pipeline_object(const struct anlos_pipeline *p, size_t i,
                                     struct anlos_object *out, struct anlos_error *why);
 
+/* Of the list's areas number i, out->size set.  ANLOS_INVALID: there are not so many. */
+ANLOS_API int anlos_pipeline_area(const struct anlos_pipeline *p, size_t i,
+                                  struct anlos_area *out, struct anlos_error *why);
+
 /* How many walls images and tracks go by, and each of them in the array's frame, the
  * surest first. */
 ANLOS_API size_t anlos_pipeline_n_walls(const struct anlos_pipeline *p);

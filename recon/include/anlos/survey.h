@@ -116,6 +116,11 @@ ANLOS_API int anlos_survey_add_wall(struct anlos_survey *s, const double normal[
                                     double distance_m, double near_m, double far_m,
                                     struct anlos_error *why);
 
+/* The wall that was added last begins at one point and ends at another, in either order:
+ * the array's frame, as they are along it.  Without this it is endless. */
+ANLOS_API int anlos_survey_end_wall(struct anlos_survey *s, const double from_m[3],
+                                    const double to_m[3], struct anlos_error *why);
+
 /* The array in the vehicle (x forward, y left, z up): where its frame's origin is, and
  * its x and y axes, of length 1.  Objects are placed in the vehicle's frame then. */
 ANLOS_API int anlos_survey_mount(struct anlos_survey *s, const double origin_m[3],

@@ -32,11 +32,13 @@ ANLOS_API int anlos_tracker_image(struct anlos_tracker *t,
                                   const struct anlos_image *image,
                                   struct anlos_error *why);
 
-/* As anlos_pipeline_list and anlos_pipeline_object. */
+/* As anlos_pipeline_list, anlos_pipeline_object and anlos_pipeline_area. */
 ANLOS_API int anlos_tracker_list(const struct anlos_tracker *t, struct anlos_list *out,
                                  struct anlos_error *why);
 ANLOS_API int anlos_tracker_object(const struct anlos_tracker *t, size_t i,
                                    struct anlos_object *out, struct anlos_error *why);
+ANLOS_API int anlos_tracker_area(const struct anlos_tracker *t, size_t i,
+                                 struct anlos_area *out, struct anlos_error *why);
 
 ANLOS_END
 

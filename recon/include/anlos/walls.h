@@ -26,6 +26,9 @@ struct anlos_wall {   /* { p : normal . p = distance_m } */
     double existence;     /* 0..1 */
     double unseen_s;      /* since it was last seen or given */
     int origin;           /* enum anlos_wall_origin */
+    double ends_m[2]; /* where it begins and ends, along normal x upright (as for b) from
+                         the point of it that is nearest to the frame's origin; 0, 0:
+                         that is not known */
 };
 
 #endif

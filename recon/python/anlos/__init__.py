@@ -28,7 +28,7 @@ from . import _interface
 from .bag import Bag, Message, Record
 from .live import Publisher, Subscription, publish, run_program, subscribe
 
-__all__ = ["Bag", "Compressor", "Detector", "Error", "Image", "Imager", "Message", "News",
+__all__ = ["Area", "Bag", "Compressor", "Detector", "Error", "Image", "Imager", "Message", "News",
            "Object", "Objects", "Pipeline", "Publisher", "Record", "Recording", "StaticArray",
            "Subscription", "Survey", "Tracker", "Traces", "Wall", "WallFinder",
            "methods", "options", "publish", "simulate", "subscribe", "version"]
@@ -105,8 +105,8 @@ _SURVEY_KEYS = {
     "gate_m": None,
     "chirp": {"start_hz", "stop_hz", "duration_s", "phase", "alternates"},
     "stage": {"axis", "positions_m"}, "calibration": {"folder", "serials"},
-    "volume": {"x_m", "y_m", "z_m"}, "wall": {"normal", "distance_m"},
-    "walls": {"normal", "distance_m", "gate_m"}, "mount": {"origin_m", "x_axis", "y_axis"}}
+    "volume": {"x_m", "y_m", "z_m"}, "wall": {"normal", "distance_m", "ends_m"},
+    "walls": {"normal", "distance_m", "gate_m", "ends_m"}, "mount": {"origin_m", "x_axis", "y_axis"}}
 
 
 def _unknown(y, known):
@@ -145,7 +145,7 @@ class Survey:
         """speakers, microphones: [n][3] m; stage: (axis, positions); or pings: [n][2][3].
         replica: (samples, start_hz, stop_hz) in place of a chirp.  air: (temperature_c,
         humidity).  volume_m: [[min, max, step] of x, y, z].  walls: (normal, distance_m) or
-        (normal, distance_m, near_m, far_m).  mount: (origin, x_axis, y_axis).  responses: for
+        (normal, distance_m, near_m, far_m[, ends: [[x, z], [x, z]]]).  mount: (origin, x_axis, y_axis).  responses: for
         each microphone (frequencies_hz, gains_db)."""
         out = _ffi.new("struct anlos_survey **")
         _call(_lib.anlos_survey_create_for, _interface.VERSION_NUMBER, out)
@@ -187,8 +187,12 @@ class Survey:
         if volume_m is not None:
             self._set("volume", *(_doubles(_vector(axis, 3)) for axis in volume_m))
         for wall in walls:
-            near_far = tuple(wall[2:]) or (0.0, 0.0)
+            near_far = tuple(wall[2:4]) or (0.0, 0.0)
             self._set("add_wall", _doubles(_vector(wall[0], 3)), wall[1], *near_far)
+            if len(wall) > 4 and wall[4] is not None:
+                (x, z), (x2, z2) = wall[4]
+                self._set("end_wall", _doubles(_vector((x, 0, z), 3)),
+                          _doubles(_vector((x2, 0, z2), 3)))
         if mount is not None:
             self._set("mount", *(_doubles(_vector(v, 3)) for v in mount))
 
@@ -211,9 +215,11 @@ class Survey:
             raise ValueError(f"{path}: keys that are not taken here: " + ", ".join(unknown))
         c, mount = y.get("chirp", {}), y.get("mount")
         volume, stage = y.get("volume"), y.get("stage")
-        walls = [(w["normal"], w["distance_m"], *w["gate_m"]) for w in y.get("walls", ())]
+        walls = [(w["normal"], w["distance_m"], *w["gate_m"], w.get("ends_m"))
+                 for w in y.get("walls", ())]
         if "wall" in y and not walls:
-            walls = [(y["wall"]["normal"], y["wall"]["distance_m"])]
+            w = y["wall"]
+            walls = [(w["normal"], w["distance_m"], 0.0, 0.0, w.get("ends_m"))]
         air = None
         if "temperature_c" in y and "sound_speed_m_s" not in y:
             air = y["temperature_c"], 0.0
@@ -320,10 +326,24 @@ def _record(name, struct):
 
 Object = _record("Object", "anlos_object")
 Wall = _record("Wall", "anlos_wall")
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Area:
+    """A convex part of the floor that a list can tell of: corners_m [n][2]; wall: the id of
+    that by way of which it is seen, 0: directly."""
+    wall: int
+    corners_m: numpy.ndarray
+
+    @classmethod
+    def _of(cls, s):
+        return cls(s.wall, numpy.array([list(c) for c in s.corners_m[0:s.n_corners]]))
+
+
 Objects = dataclasses.make_dataclass(
     "Objects", [(f, object) for f in ("objects", "capture_ns", "scan", "frame", "counter",
                                       "preview", "mirrored", "in_vehicle_frame", "tracked",
-                                      "ego_unknown")], frozen=True, eq=False)
+                                      "ego_unknown", "areas")], frozen=True, eq=False)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -384,8 +404,9 @@ class _Stage:
 
     def _objects(self):
         found = self._filled("list")
-        facts = {k: v for k, v in _values(found).items() if k not in ("size", "n")}
+        facts = {k: v for k, v in _values(found).items() if k not in ("size", "n", "n_areas")}
         return Objects([Object._of(self._filled("object", i)) for i in range(found.n)],
+                       areas=[Area._of(self._filled("area", i)) for i in range(found.n_areas)],
                        **facts)
 
 
