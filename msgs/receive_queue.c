@@ -12,9 +12,15 @@
 
 #define REPLAYED_BYTES ((size_t)64 << 20)
 
+/* A state that is replaced takes the turn of the new one: a survey not before the pings
+ * of the one before.  But behind so many messages only, or who cannot keep up with
+ * another topic never hears a state that is told often. */
+#define MOST_PUT_BACK 256
+
 struct letter {
     struct bus_message message;
-    uint64_t arrival;
+    uint64_t arrival; /* whose turn it is, the least first */
+    uint64_t since;   /* arrival of the first state that none has read since */
 };
 
 struct queue {
@@ -102,25 +108,33 @@ static void clear_fd(struct receive_queue *m)
         signal_fd(m->fd);
 }
 
-static struct bus_message pop(struct receive_queue *m, struct queue *q)
+static struct letter pop(struct receive_queue *m, struct queue *q)
 {
-    struct bus_message first = q->ring[q->head].message;
+    struct letter first = q->ring[q->head];
     q->head = (q->head + 1) % q->depth;
     q->n--;
-    m->waiting_bytes -= first.envelope.payload_size;
+    m->waiting_bytes -= first.message.envelope.payload_size;
     if (--m->waiting == 0)
         clear_fd(m);
     return first;
 }
 
-static void push(struct receive_queue *m, struct queue *q,
-                 const struct bus_message *message)
+static struct letter *push(struct receive_queue *m, struct queue *q,
+                           const struct bus_message *message)
 {
     struct letter *l = &q->ring[(q->head + q->n++) % q->depth];
     l->message = *message;
-    l->arrival = m->arrivals++;
+    l->arrival = l->since = m->arrivals++;
     m->waiting_bytes += message->envelope.payload_size;
     m->waiting++;
+    return l;
+}
+
+static void put_back(struct letter *l, const struct letter *replaced)
+{
+    l->since = replaced->since;
+    if (l->arrival - l->since > MOST_PUT_BACK)
+        l->arrival = replaced->arrival;
 }
 
 /* false: no memory. */
@@ -157,27 +171,30 @@ static bool keeps_replayed(const struct receive_queue *m, struct queue *q,
 void receive_queue_put(struct receive_queue *m, size_t slot,
                        const struct bus_message *message)
 {
-    struct bus_message lost = {0};
+    struct letter lost = {.arrival = 0};
+    bool replaces = false;
     pthread_mutex_lock(&m->lock);
     struct queue *q = &m->queues[slot];
     /* What waits for a recorder is without a hole: it is the new one that goes. */
     bool fits = !m->keep_bytes ||
                 has_room(m, q, m->keep_bytes, message->envelope.payload_size);
     if (!fits) {
-        lost = *message;
+        lost.message = *message;
         q->dropped++;
     } else if (!m->keep_bytes && q->n >= q->limit &&
                !keeps_replayed(m, q, &message->envelope)) {
         lost = pop(m, q);
-        q->dropped += q->policy == TOPIC_ALL;
+        replaces = q->policy == TOPIC_LATEST;
+        q->dropped += !replaces;
     }
     bool first = fits && !m->waiting;
-    if (fits)
-        push(m, q, message);
+    struct letter *put = fits ? push(m, q, message) : NULL;
+    if (put && replaces)
+        put_back(put, &lost);
     pthread_mutex_unlock(&m->lock);
     if (first) /* without the lock, which who wakes up wants */
         signal_fd(m->fd);
-    bus_message_free(&lost);
+    bus_message_free(&lost.message);
 }
 
 static struct queue *find_oldest(struct receive_queue *m)
@@ -219,7 +236,7 @@ int receive_queue_take(struct receive_queue *m, struct bus_message *out, int tim
         pthread_mutex_lock(&m->lock);
         struct queue *q = find_oldest(m);
         if (q)
-            *out = pop(m, q);
+            *out = pop(m, q).message;
         else
             clear_fd(m); /* of a signal for what was taken before it came */
         pthread_mutex_unlock(&m->lock);
@@ -275,7 +292,7 @@ void receive_queue_destroy(struct receive_queue *m)
     for (size_t i = 0; i < m->n_queues; i++) {
         struct queue *q = &m->queues[i];
         while (q->n) {
-            struct bus_message message = pop(m, q);
+            struct bus_message message = pop(m, q).message;
             bus_message_free(&message);
         }
         free(q->ring);

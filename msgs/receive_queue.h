@@ -25,8 +25,9 @@ int receive_queue_add(struct receive_queue *m, const struct topic *t, size_t *sl
 void receive_queue_keep_all(struct receive_queue *m, size_t bytes);
 
 /* Takes the message over.  Never fails and never waits: in a full queue the oldest goes,
- * and is counted unless the policy is TOPIC_LATEST.  What is replayed waits up to 64 MB,
- * whatever depth and policy. */
+ * and is counted unless the policy is TOPIC_LATEST; then the new one takes a turn of its
+ * own, behind what waits, but not for ever: no flood of another topic hides a state. What
+ * is replayed waits up to 64 MB, whatever depth and policy. */
 void receive_queue_put(struct receive_queue *m, size_t slot,
                        const struct bus_message *message);
 

@@ -129,6 +129,29 @@ static void a_flood_of_one_topic_costs_the_others_nothing(void **state)
     assert_int_equal(take(b), 1000);
 }
 
+/* Who takes one while three come, the state last, always has something older: the state
+ * is put back again and again.  But not for ever, and it is the newest that is read then.
+ */
+static void a_flood_does_not_hide_a_state_that_is_told_often(void **state)
+{
+    struct box *b = *state;
+    uint64_t at = 0, longest = 0;
+
+    for (uint64_t turn = 1; turn <= 1000; turn++) {
+        put(b, b->all, 10000);
+        put(b, b->all, 10000);
+        put(b, b->latest, turn);
+        uint64_t taken = take(b);
+        if (taken == 10000)
+            continue;
+        assert_int_equal(taken, turn);
+        longest = turn - at > longest ? turn - at : longest;
+        at = turn;
+    }
+    assert_true(at > 900);
+    assert_in_range(longest, 2, 100);
+}
+
 static void the_descriptor_is_readable_while_messages_wait(void **state)
 {
     struct box *b = *state;
@@ -242,6 +265,7 @@ int main(void)
         in_a_box(a_newer_state_replaces_the_one_that_waits),
         in_a_box(what_is_replayed_all_waits),
         in_a_box(a_flood_of_one_topic_costs_the_others_nothing),
+        in_a_box(a_flood_does_not_hide_a_state_that_is_told_often),
         in_a_box(the_descriptor_is_readable_while_messages_wait),
         in_a_box(an_empty_box_times_out),
         in_a_box(an_interrupt_comes_before_messages_that_wait),
