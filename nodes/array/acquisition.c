@@ -44,8 +44,7 @@ struct acquisition {
     struct node *node;
     struct array *array;
     Anlos__Survey *survey;
-    struct survey
-        air; /* the array's survey, in the air and of the elements as they are */
+    struct survey air;   /* the array's, with air and places as they are */
     size_t corrections;  /* of places, since the start */
     bool refused_places; /* the newest, and said so */
     struct ambient ambient;
@@ -169,7 +168,7 @@ int acquisition_places(struct acquisition *s, const Anlos__ElementPlaces *said,
     if (err)
         return error_say(why, err, "%s", strerror(-err));
     for (size_t i = 0; !err && i < said->n_moved; i++)
-        err = places_correct(&now, said->moved[i], why);
+        err = places_correct(&now, array_survey(s->array), said->moved[i], why);
     if (!err && (err = acquisition_take_survey(s, &now)))
         error_say(why, err, "the survey does not work then: %s", strerror(-err));
     if (err) {

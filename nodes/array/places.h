@@ -8,8 +8,10 @@
 #include "msgs/health.pb-c.h"
 #include "recon/survey.h"
 
-/* Moves it in the survey.  0, or -EINVAL with an error (no such element, no number, too
- * far): the survey is as it was then. */
-int places_correct(struct survey *s, const Anlos__MovedElement *m, struct error *why);
+/* Moves it in the survey, of the same array as the measured one.  0, or -EINVAL with an
+ * error (no such element, no number, more than SURVEY_SAME_M from its measured place):
+ * the survey is as it was then. */
+int places_correct(struct survey *s, const struct survey *measured,
+                   const Anlos__MovedElement *m, struct error *why);
 
 #endif

@@ -282,7 +282,7 @@ static void correct(struct drive *d, bool speaker, size_t i,
     m.x_m = is->by_m[0];
     m.y_m = is->by_m[1];
     m.z_m = is->by_m[2];
-    if (places_correct(&d->survey, &m, &why) ||
+    if (places_correct(&d->survey, &d->survey, &m, &why) ||
         frontend_survey(d->frontend, &d->survey, &why))
         fail_msg("%s", why.text);
 }
