@@ -33,7 +33,8 @@ struct pair {
 struct echo_shift {
     size_t n_speakers, n_microphones;
     double sound_speed_m_s, (*at_m)[3]; /* [n_speakers + n_microphones] */
-    struct wall_gate wall;              /* id 0: none */
+    struct wall_gate wall;              /* id 0: none yet */
+    bool hears;                         /* its echoes come now */
     struct pair *pairs;                 /* [n_speakers][n_microphones] */
     double *row_m, *left_m; /* [the larger number], scratch: of pairs with one end */
 };
@@ -75,15 +76,17 @@ static bool is_where_it_was(const struct wall *was, const struct wall *is)
 
 void echo_shift_wall(struct echo_shift *e, const struct wall_gate *wall)
 {
-    uint32_t before = e->wall.id;
+    bool heard = e->hears;
 
-    if (wall && wall->id == before && is_where_it_was(&e->wall.plane, &wall->plane))
+    e->hears = wall != NULL;
+    if (!wall)
         return;
-    e->wall = wall ? *wall : (struct wall_gate){.id = 0};
-    if (!wall || wall->id == before)
+    if (wall->id != e->wall.id)
+        for (size_t i = 0; i < e->n_speakers * e->n_microphones; i++)
+            e->pairs[i] = (struct pair){.reference_m = NAN};
+    else if (heard && is_where_it_was(&e->wall.plane, &wall->plane))
         return;
-    for (size_t i = 0; i < e->n_speakers * e->n_microphones; i++)
-        e->pairs[i] = (struct pair){.reference_m = NAN};
+    e->wall = *wall;
 }
 
 static double median_m(const struct pair *p, unsigned n)
@@ -99,7 +102,7 @@ void echo_shift_take(struct echo_shift *e, uint64_t round, size_t speaker,
 {
     double from_m[3];
 
-    if (!e->wall.id)
+    if (!e->hears)
         return;
     wall_mirror(&e->wall.plane, e->at_m[speaker], from_m);
     for (size_t m = 0; m < e->n_microphones; m++) {
@@ -182,7 +185,7 @@ size_t echo_shift_paths(struct echo_shift *e, size_t element, uint64_t round,
     double squares = 0.0, common[COMMON];
 
     *sigma_m = NAN;
-    for (size_t k = 0; e->wall.id && k < n_others; k++) {
+    for (size_t k = 0; e->hears && k < n_others; k++) {
         for (size_t i = 0; i < n_like; i++) {
             size_t pair = speaks ? i * e->n_microphones + k : k * e->n_microphones + i;
             e->row_m[i] = grown_m(&e->pairs[pair], round, since);

@@ -9,8 +9,9 @@
  * also takes out where that other end went.  What is left of an element's pairs is its
  * own.
  *
- * A wall with another id is learnt anew; a round is one of all speakers one after the
- * other, and counted by the caller.  Only create allocates. */
+ * A wall with another id is learnt anew, one that was not heard for a while is not; a
+ * round is one of all speakers one after the other, and counted by the caller.  Only
+ * create allocates. */
 #ifndef ANLOS_RECON_FRONTEND_ECHO_SHIFT_H
 #define ANLOS_RECON_FRONTEND_ECHO_SHIFT_H
 

@@ -292,6 +292,31 @@ static void while_the_vehicle_drives_a_speaker_is_not_placed(void **state)
     displacement_destroy(w.d);
 }
 
+/* Somebody stood before it, and it has its id still. */
+static void a_wall_that_is_back_tells_as_before(void **state)
+{
+    struct world w;
+    size_t e = N + 7;
+
+    (void)state;
+    start_line(&w);
+    w.wall = wall_ahead;
+    hear(&w, 30);
+    w.wall.id = 0;
+    displacement_wall(w.d, NULL);
+    hear(&w, 5);
+    w.microphones_at_m[7][0] += 0.01;
+    w.microphones_at_m[7][2] -= 0.016;
+    hear(&w, 20);
+    check_moved(&w, 1, &e);
+    assert_false(of(&w, e)->placed);
+    w.wall = wall_ahead;
+    hear(&w, 20);
+    assert_true(of(&w, e)->placed);
+    assert_near(of(&w, e)->by_m[2], -0.016, 1.5e-3);
+    displacement_destroy(w.d);
+}
+
 static void without_a_wall_who_is_told_wholly_is_placed(void **state)
 {
     struct world w;
@@ -503,6 +528,7 @@ int main(void)
         cmocka_unit_test(a_wall_that_is_new_places_nobody),
         cmocka_unit_test(who_stands_where_the_survey_has_it_by_now_has_not_moved),
         cmocka_unit_test(while_the_vehicle_drives_a_speaker_is_not_placed),
+        cmocka_unit_test(a_wall_that_is_back_tells_as_before),
         cmocka_unit_test(without_a_wall_who_is_told_wholly_is_placed),
         cmocka_unit_test(errors_are_as_large_as_they_are_stated),
         cmocka_unit_test(air_wind_and_time_zero_move_nobody),
