@@ -3,7 +3,19 @@
  * hear, the air, several walls. */
 #include "tests/recon/library_rig.h"
 
-/* Of a scan in which microphone m records gains[m] times what it should. */
+/* A scan in which microphone m records gains[m] times what it should; NULL: 1. */
+static void feed(struct anlos_pipeline *p, const double gains[MICS])
+{
+    for (size_t k = 0; k < POSITIONS * SPEAKERS; k++) {
+        struct anlos_ping ping = make_ping(k / SPEAKERS, k % SPEAKERS);
+        echo(samples, k / SPEAKERS, k % SPEAKERS, 0.01);
+        for (size_t i = 0; gains && i < MICS * PING; i++)
+            samples[i] *= (float)gains[i / PING];
+        ping.capture_ns = (int64_t)k * SECOND / 32;
+        ok(anlos_pipeline_ping(p, &ping, &why));
+    }
+}
+
 static struct anlos_object find(const struct anlos_survey *s, const double gains[MICS],
                                 float *brightest)
 {
@@ -15,14 +27,7 @@ static struct anlos_object find(const struct anlos_survey *s, const double gains
 
     anlos_config_init(&cfg);
     ok(anlos_pipeline_create(&p, &cfg, s, &why));
-    for (size_t k = 0; k < POSITIONS * SPEAKERS; k++) {
-        struct anlos_ping ping = make_ping(k / SPEAKERS, k % SPEAKERS);
-        echo(samples, k / SPEAKERS, k % SPEAKERS, 0.01);
-        for (size_t i = 0; gains && i < MICS * PING; i++)
-            samples[i] *= (float)gains[i / PING];
-        ping.capture_ns = (int64_t)k * SECOND / 32;
-        ok(anlos_pipeline_ping(p, &ping, &why));
-    }
+    feed(p, gains);
     ok(anlos_pipeline_list(p, &list, &why));
     assert_true(list.n >= 1);
     ok(anlos_pipeline_object(p, 0, &o, &why));
@@ -255,12 +260,7 @@ static void a_list_says_which_floor_it_can_tell_of(void **state)
     anlos_config_init(&cfg);
     ok(anlos_pipeline_create(&p, &cfg, s, &why));
     refused(anlos_pipeline_area(p, 0, &area, &why), ANLOS_NOT_READY, "no list");
-    for (size_t k = 0; k < POSITIONS * SPEAKERS; k++) {
-        struct anlos_ping ping = make_ping(k / SPEAKERS, k % SPEAKERS);
-        echo(samples, k / SPEAKERS, k % SPEAKERS, 0.01);
-        ping.capture_ns = (int64_t)k * SECOND / 32;
-        ok(anlos_pipeline_ping(p, &ping, &why));
-    }
+    feed(p, NULL);
     ok(anlos_pipeline_list(p, &list, &why));
     ok(anlos_pipeline_image(p, &image, &why));
     assert_int_equal(list.n_areas, 1);
