@@ -14,6 +14,7 @@
 #define ROUGH_BITS     20 /* of a float that do not count: an eighth of an octave */
 #define ROUGH_BINS     (1 << (31 - ROUGH_BITS))
 #define MEDIAN_OF_MEAN 0.693147 /* of the power of complex noise */
+#define BENT_ROUNDS    8        /* of Newton's method, from the flat wall's point */
 
 double wall_echo_lag_s(const struct chirp *chirp)
 {
@@ -151,4 +152,45 @@ double wall_echo_path_m(const struct wall_echo *e, const struct wall *const *wal
     for (int a = 0; a < 3 && path > 0.0; a++)
         growth += (source[a] - e->microphone_m[a]) / path * (v[a] - e->velocity_m_s[a]);
     return path + e->lag_s * growth;
+}
+
+/* A way in the plan from (along_m, off_m) before the wall to a point x of it, where it is
+ * rise_m farther with this slope: its length and what that changes by with x, twice. */
+static double way_to(double along_m, double off_m, double x, double curvature,
+                     double *first, double *second)
+{
+    double slope = curvature * x;
+    double off = off_m + 0.5 * slope * x, way = hypot(x - along_m, off);
+    double rate = (x - along_m + off * slope) / way;
+
+    *first += rate;
+    *second += (1.0 + slope * slope + off * curvature - rate * rate) / way;
+    return way;
+}
+
+double wall_echo_bent_path_m(const struct wall_echo *e, const struct wall *w,
+                             const double about_m[3], double curvature_1_m)
+{
+    double upright[3], level[3], along[2] = {0.0, 0.0}, off[2], rise_m = 0.0;
+
+    wall_axes(w, upright, level);
+    off[0] = off[1] = w->distance_m;
+    for (int a = 0; a < 3; a++) {
+        along[0] += level[a] * (e->speaker_m[a] - about_m[a]);
+        along[1] += level[a] * (e->microphone_m[a] - about_m[a]);
+        off[0] -= w->normal[a] * e->speaker_m[a];
+        off[1] -= w->normal[a] * e->microphone_m[a];
+        rise_m += upright[a] * (e->speaker_m[a] - e->microphone_m[a]);
+    }
+    double flat = hypot(along[0] - along[1], off[0] + off[1]), bent = flat;
+    double x = (along[0] * off[1] + along[1] * off[0]) / (off[0] + off[1]);
+    for (int k = 0; k < BENT_ROUNDS; k++) {
+        double first = 0.0, second = 0.0;
+        bent = way_to(along[0], off[0], x, curvature_1_m, &first, &second) +
+               way_to(along[1], off[1], x, curvature_1_m, &first, &second);
+        if (!(second > 0.0)) /* bends as much as sound does: a focus */
+            break;
+        x -= first / second;
+    }
+    return wall_echo_path_m(e, &w, 1) + hypot(bent, rise_m) - hypot(flat, rise_m);
 }

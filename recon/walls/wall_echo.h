@@ -48,4 +48,10 @@ size_t wall_echo_peaks(const struct trace_format *format, const float complex *t
 double wall_echo_path_m(const struct wall_echo *e, const struct wall *const *walls,
                         size_t n);
 
+/* The same by way of a wall that bends about the upright: it touches w at the foot of the
+ * perpendicular from about_m, and curvature_1_m > 0 bulges towards the array.  The
+ * shortest way in the plan, unrolled along the upright. */
+double wall_echo_bent_path_m(const struct wall_echo *e, const struct wall *w,
+                             const double about_m[3], double curvature_1_m);
+
 #endif

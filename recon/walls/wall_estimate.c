@@ -13,6 +13,7 @@
 #define GUESSES_MOST 12    /* looked into for each list */
 #define SURER        0.2   /* share of the pairs */
 #define EXPLAINED_M  0.035 /* echoes this near to a wall's path are its; its main lobe */
+#define BEND_M       0.5   /* how far beyond what was heard a wall bends on */
 
 static const double tolerance_m[2] = {0.08, 0.012};
 
@@ -158,12 +159,22 @@ static bool is_thing(const struct search *s, const struct wall_fit *fit)
            (t.n_heard == fit->n_heard && t.rms_m < fit->rms_m);
 }
 
+/* An array hears its own length of a wall; an object is mirrored up to some metres
+ * aside of that, where a facade that bends here may have bent back, or a pillar has
+ * turned away.  Told as a plane, its turn is as uncertain as that. */
+static double turn_of_bend(const struct wall_fit *fit)
+{
+    return fabs(fit->curvature_1_m) * BEND_M;
+}
+
 static void judge(struct search *s, struct wall_fit *fit)
 {
     const struct wall_estimate_config *cfg = s->cfg;
     struct wall *w = &fit->wall;
     double share = (double)fit->n_heard / (double)s->n_pairs;
+    bool bends = turn_of_bend(fit) > cfg->turn_rad;
     wall_face(w);
+    w->covariance[0] += turn_of_bend(fit) * turn_of_bend(fit);
     bool fits = fit->n_heard >= LEAST_HEARD && share >= cfg->least_share &&
                 fit->rms_m <= rms_limit_m(cfg, share);
     bool known = sqrt(w->covariance[0]) <= cfg->turn_rad &&
@@ -181,8 +192,12 @@ static void judge(struct search *s, struct wall_fit *fit)
         take_away(s, w);
         return;
     }
-    if (fits && !known)
+    if (fits && bends) {
+        s->out->n_bent++;
+        s->out->curvature_1_m = fit->curvature_1_m;
+    } else if (fits && !known) {
         s->out->n_undetermined++;
+    }
     take_away_chosen(s);
 }
 

@@ -10,6 +10,10 @@
  * and a plane whose sound would have to pass through a nearer wall is an image of
  * something in that one.
  *
+ * A wall may bend about the upright, as a pillar does, and a facade by some centimetres.
+ * It is told as the plane that touches it, whose turn is the less certain the more it
+ * bends; by more than `turn_rad` it is no mirror for this program.
+ *
  * A line of elements cannot tell how the wall is turned about the line: the prior must
  * (walls stand upright), and the covariance says how much it is worth.  It cannot tell
  * front from behind either; walls are in front (z > 0). */
@@ -44,6 +48,8 @@ struct wall_estimates {
     size_t n;
     struct wall_estimate list[WALL_ESTIMATE_MAX]; /* in the order of being found */
     size_t n_undetermined; /* heard, but these places do not tell how it stands */
+    size_t n_bent;         /* heard, and too round to mirror as a plane does, */
+    double curvature_1_m;  /* the last of them: > 0 bulges towards the array */
     size_t n_rejected;     /* images in other walls, floors, things */
 };
 

@@ -1,23 +1,27 @@
 /* SPDX-License-Identifier: MIT */
-/* recon/walls/wall_fit.h -- least squares of one plane to the echoes that it explains,
- * with covariance. */
+/* recon/walls/wall_fit.h -- least squares of one wall to the echoes that it explains,
+ * with covariance: a plane, or what bends about the upright where the echoes tell. */
 #ifndef ANLOS_RECON_WALLS_WALL_FIT_H
 #define ANLOS_RECON_WALLS_WALL_FIT_H
 
 #include "recon/walls/wall_spread.h"
 
 struct wall_fit {
-    struct wall wall; /* with covariance */
-    double rms_m;     /* of the residuals of paths */
-    size_t n_heard;   /* pairs that hear it */
+    struct wall wall;     /* with covariance; where it bends, the plane that touches it at
+                             the foot of the perpendicular from the middle of the array */
+    double curvature_1_m; /* > 0: bulges towards the array; 0: none is told */
+    double rms_m;         /* of the residuals of paths */
+    size_t n_heard;       /* pairs that hear it */
 };
 
 /* Improves *fit, whose plane is a first guess: iteratively reweighted least squares
  * (Tukey's biweight: Holland and Welsch 1977) over the echo of each pair that comes
- * nearest to the plane's path, within tolerance_m[0] at first and tolerance_m[1] at last.
+ * nearest to the wall's path, within tolerance_m[0] at first and tolerance_m[1] at last.
  *
- * The covariance is that of the residuals (recon/walls/wall_spread.h) and the prior.
- * chosen [n]: which echoes counted; may be NULL.
+ * It bends if that is told by three sigmas, the pairs hear it so no less, and its radius
+ * is over half a metre and, inwards, over its distance.  The covariance is that of the
+ * residuals (recon/walls/wall_spread.h) and the prior.  chosen [n]: which echoes counted;
+ * may be NULL.
  *
  * 0, -EDOM (too few echoes, or they do not determine all three numbers), -ENOMEM. */
 int wall_fit_improve(struct wall_fit *fit, const struct wall_prior *prior,

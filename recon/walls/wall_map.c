@@ -70,6 +70,7 @@ void wall_map_estimates(struct wall_map *k, const struct wall_estimates *e)
     for (size_t i = 0; i < e->n; i++)
         seen[i] = e->list[i].wall;
     k->undetermined = e->n_undetermined;
+    k->bent_1_m = e->n_bent ? e->curvature_1_m : 0.0;
     wall_tracks_update(&k->tracks, &k->cfg, seen, e->n);
 }
 
@@ -158,6 +159,11 @@ static void describe(struct wall_map *k)
         return;
     if (k->from == WALL_FROM_SURVEY)
         snprintf(k->text, sizeof k->text, "the survey names no wall");
+    else if (k->bent_1_m != 0.0)
+        snprintf(k->text, sizeof k->text,
+                 "a wall is heard that is round, %s by a radius of %.1f m: where it "
+                 "mirrors to is not known",
+                 k->bent_1_m > 0.0 ? "outwards" : "inwards", 1.0 / fabs(k->bent_1_m));
     else if (k->undetermined)
         snprintf(k->text, sizeof k->text,
                  "a wall is heard, but this array cannot tell how it stands");

@@ -35,7 +35,8 @@ struct wall_map {
     bool has_ego;        /* somebody tells how the vehicle moves */
     bool blind;          /* but not lately */
     int64_t at_ns;       /* that the tracks are for; 0: never */
-    size_t undetermined; /* of the newest look */
+    size_t undetermined; /* of the newest look; */
+    double bent_1_m;     /* the curvature of a wall that is too round; 0: there is none */
     struct walls list;   /* what wall_map_list hands out, */
     char text[160];      /* and what is wrong then; empty when all is well */
 };

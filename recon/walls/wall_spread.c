@@ -9,7 +9,7 @@
 /* Sums of residuals and slopes over the echoes that share an element or a place. */
 struct group {
     size_t n;
-    double sum, slope[3];
+    double sum, slope[WALL_BENT];
 };
 
 enum { SPEAKERS, MICROPHONES, PLACES, KINDS };
@@ -41,7 +41,7 @@ static int group_rows(const struct wall_rows *f, int kind, struct groups *out)
         struct group *g = &out->list[number_of(&f->echoes[f->list[i].echo], kind)];
         g->n++;
         g->sum += f->list[i].residual_m;
-        for (int p = 0; p < 3; p++)
+        for (int p = 0; p < WALL_BENT; p++)
             g->slope[p] += f->list[i].slope[p];
     }
     return out->list ? 0 : -ENOMEM;
@@ -98,45 +98,46 @@ static double pair_variance(const struct wall_rows *f, const struct groups g[KIN
     return sum / (double)(f->n - used + KINDS - 1);
 }
 
-static void add_square(double m[9], const double v[3], double weight)
+static void add_square(size_t n, double *m, const double *v, double weight)
 {
-    for (int p = 0; p < 3; p++)
-        for (int q = 0; q < 3; q++)
-            m[3 * p + q] += weight * v[p] * v[q];
+    for (size_t p = 0; p < n; p++)
+        for (size_t q = 0; q < n; q++)
+            m[n * p + q] += weight * v[p] * v[q];
 }
 
 /* J' V J, with V of pairs, of what groups share and of what all share. */
 static void add_spread(const struct wall_rows *f, const struct wall_prior *prior,
-                       const struct groups g[KINDS], double out[9])
+                       const struct groups g[KINDS], size_t unknowns, double *out)
 {
-    double speed[3] = {0.0}, delay[3] = {0.0};
+    double speed[WALL_BENT] = {0.0}, delay[WALL_BENT] = {0.0};
     double pair = fmax(pair_variance(f, g), WALL_LEAST_SIGMA_M * WALL_LEAST_SIGMA_M);
     for (int kind = 0; kind < KINDS; kind++) {
         double shared = shared_variance(&g[kind], pair);
         for (size_t k = 0; k < g[kind].n; k++)
-            add_square(out, g[kind].list[k].slope, shared);
+            add_square(unknowns, out, g[kind].list[k].slope, shared);
     }
     for (size_t i = 0; i < f->n; i++) {
         const struct wall_row *r = &f->list[i];
-        add_square(out, r->slope, pair);
-        for (int p = 0; p < 3; p++) {
+        add_square(unknowns, out, r->slope, pair);
+        for (size_t p = 0; p < unknowns; p++) {
             speed[p] += r->slope[p] * f->echoes[r->echo].path_m;
             delay[p] += r->slope[p];
         }
     }
-    add_square(out, speed, prior->sound_speed * prior->sound_speed);
-    add_square(out, delay, prior->delay_m * prior->delay_m);
+    add_square(unknowns, out, speed, prior->sound_speed * prior->sound_speed);
+    add_square(unknowns, out, delay, prior->delay_m * prior->delay_m);
 }
 
-int wall_spread(const struct wall_rows *f, const struct wall_prior *prior, double out[9])
+int wall_spread(const struct wall_rows *f, const struct wall_prior *prior,
+                size_t unknowns, double *out)
 {
     struct groups g[KINDS] = {{0, NULL}, {0, NULL}, {0, NULL}};
     int err = 0;
-    memset(out, 0, 9 * sizeof *out);
+    memset(out, 0, unknowns * unknowns * sizeof *out);
     for (int kind = 0; !err && kind < KINDS; kind++)
         err = group_rows(f, kind, &g[kind]);
     if (!err)
-        add_spread(f, prior, (const struct groups *)g, out);
+        add_spread(f, prior, (const struct groups *)g, unknowns, out);
     for (int kind = 0; kind < KINDS; kind++)
         free(g[kind].list);
     return err;

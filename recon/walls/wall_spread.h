@@ -17,10 +17,13 @@ struct wall_prior {
     double delay_m;      /* of a path that all share: time zero, one sigma */
 };
 
+enum { WALL_FLAT = 3, WALL_BENT }; /* how many numbers say how a wall stands */
+
 struct wall_row { /* one pair's echo that counts */
     size_t echo;
     double residual_m;
-    double slope[3]; /* of its path, by the wall's two turns and its distance */
+    double slope[WALL_BENT]; /* of its path, by the wall's two turns, its distance and how
+                                it bends */
 };
 
 struct wall_rows {
@@ -29,7 +32,9 @@ struct wall_rows {
     struct wall_row *list; /* [n] */
 };
 
-/* J' V J, [3][3]: J the slopes, V the covariance of the paths.  0, -ENOMEM. */
-int wall_spread(const struct wall_rows *f, const struct wall_prior *prior, double out[9]);
+/* J' V J, [unknowns][unknowns]: J the slopes, V the covariance of the paths.  0,
+ * -ENOMEM. */
+int wall_spread(const struct wall_rows *f, const struct wall_prior *prior,
+                size_t unknowns, double *out);
 
 #endif

@@ -196,6 +196,7 @@ static void noise_alone_makes_no_wall(void **state)
         hear(h, NULL, 0, 6);
         find(h, &found);
         assert_int_equal(found.n, 0);
+        assert_int_equal(found.n_bent, 0);
         free(h);
     }
 }
@@ -234,6 +235,130 @@ static void a_corner_is_not_taken_for_a_wall(void **state)
     free(h);
 }
 
+static double way_over(const struct hall *h, size_t s, size_t m, const double at[3])
+{
+    return apart(h->speakers[s], at) + apart(at, h->microphones[m]);
+}
+
+/* Where the wall stands at an angle from the foot of its perpendicular, seen from the
+ * middle of its circle. */
+static void place_on(const struct wall *w, double radius_m, double angle, double out[3])
+{
+    double aside = radius_m * sin(angle), back = radius_m * (1.0 - cos(angle));
+    out[0] = w->normal[0] * (w->distance_m + back) + w->normal[2] * aside;
+    out[1] = 0.0;
+    out[2] = w->normal[2] * (w->distance_m + back) - w->normal[0] * aside;
+}
+
+/* Each pair hears a part of an upright cylinder that w touches nearest to the origin;
+ * radius_m > 0 bulges towards it.  The shortest way over the circle, by thirds. */
+static void hear_round(struct hall *h, const struct wall *w, double radius_m)
+{
+    for (size_t s = 0; s < h->n_speakers; s++)
+        for (size_t m = 0; m < h->n_microphones; m++, h->n_pairs++) {
+            double low = -1.2 / fabs(radius_m), high = -low, at[3];
+            low = fmax(low, -1.2);
+            high = fmin(high, 1.2);
+            for (int k = 0; k < 80; k++) {
+                double a = low + (high - low) / 3.0, b = high - (high - low) / 3.0;
+                double there[3];
+                place_on(w, radius_m, a, at);
+                place_on(w, radius_m, b, there);
+                if (way_over(h, s, m, at) < way_over(h, s, m, there))
+                    high = b;
+                else
+                    low = a;
+            }
+            place_on(w, radius_m, low, at);
+            add(h, s, m, way_over(h, s, m, at));
+        }
+}
+
+/* A plane that touches it would mirror whom it shows to a place a metre off. */
+static void a_pillar_is_no_mirror_and_is_told(void **state)
+{
+    (void)state;
+    const double radii_m[3] = {1.0, 2.0, -2.6}, distances_m[3] = {1.6, 3.0, 0.8};
+    for (size_t k = 0; k < 3; k++) {
+        struct hall *h = bumper(31 + k);
+        struct wall w = stands(0.2, 0.0, distances_m[k]);
+        struct wall_estimates found;
+        h->noise_m = 0.001;
+        hear_round(h, &w, radii_m[k]);
+        find(h, &found);
+        assert_int_equal(found.n, 0);
+        assert_int_equal(found.n_bent, 1);
+        assert_near(found.curvature_1_m, 1.0 / radii_m[k], 0.05 / fabs(radii_m[k]));
+        free(h);
+    }
+}
+
+/* The plane that touches the cylinder nearest to the middle of the array. */
+static struct wall touching(const struct hall *h, const struct wall *w, double radius_m)
+{
+    double middle_m = 0.0;
+    for (size_t i = 0; i < h->n_speakers; i++)
+        middle_m += 0.5 * (h->speakers[i][0] + h->microphones[i][0]) /
+                    (double)h->n_speakers;
+    double x = w->normal[0] * (w->distance_m + radius_m);
+    double z = w->normal[2] * (w->distance_m + radius_m);
+    double sign = z < 0.0 ? -1.0 : 1.0;
+    struct wall out = stands(atan2(sign * (x - middle_m), sign * z), 0.0, 0.0);
+    out.distance_m = out.normal[0] * x + out.normal[2] * z - radius_m;
+    return out;
+}
+
+/* It turns by 1 / radius with each metre; half a metre of that is not known. */
+static void a_wall_that_bends_a_little_is_less_certain(void **state)
+{
+    (void)state;
+    const double radii_m[3] = {5.0, 20.0, -10.0};
+    for (size_t k = 0; k < 3; k++) {
+        struct hall *h = bumper(41 + k);
+        struct wall w = stands(-0.3, 0.0, 2.0);
+        struct wall near = touching(h, &w, radii_m[k]);
+        struct wall_estimates found;
+        h->noise_m = 0.001;
+        hear_round(h, &w, radii_m[k]);
+        find(h, &found);
+        assert_int_equal(found.n, 1);
+        assert_int_equal(found.n_bent, 0);
+        assert_near(azimuth_of(&found.list[0].wall), azimuth_of(&near), 0.001);
+        assert_near(found.list[0].wall.distance_m, near.distance_m, 0.001);
+        assert_near(found.list[0].share, 1.0, 1e-12);
+        assert_near(sqrt(found.list[0].wall.covariance[0]), 0.5 / fabs(radii_m[k]),
+                    0.06 / fabs(radii_m[k]));
+        free(h);
+    }
+}
+
+/* By elements that are not where they should be: a turn that is said to be uncertain by
+ * more than half a degree could not be. */
+static void a_flat_wall_does_not_bend(void **state)
+{
+    (void)state;
+    enum { SEEDS = 60 };
+    size_t bent = 0;
+    for (unsigned long long seed = 1; seed <= SEEDS; seed++) {
+        struct hall *h = bumper(104729 * seed);
+        struct wall_estimates found;
+        h->noise_m = 0.0005;
+        for (int i = 0; i < 8; i++) {
+            h->speaker_error[i] = 0.002 * normal_random(&h->seed);
+            h->microphone_error[i] = 0.002 * normal_random(&h->seed);
+        }
+        struct wall w = stands((reference_random(&h->seed) - 0.5) * 1.6, 0.0,
+                               0.6 + 2.4 * reference_random(&h->seed));
+        hear(h, &w, 1, 0);
+        find(h, &found);
+        assert_int_equal(found.n, 1);
+        bent += sqrt(found.list[0].wall.covariance[0]) > 0.5 * degree;
+        free(h);
+    }
+    print_message("%zu of %d flat walls told to bend\n", bent, SEEDS);
+    assert_true(bent <= 2);
+}
+
 static void a_thing_is_not_taken_for_a_wall(void **state)
 {
     (void)state;
@@ -242,9 +367,10 @@ static void a_thing_is_not_taken_for_a_wall(void **state)
     struct wall_estimates found;
     for (size_t s = 0; s < 8; s++)
         for (size_t m = 0; m < 8; m++, h->n_pairs++)
-            add(h, s, m, apart(h->speakers[s], thing) + apart(thing, h->microphones[m]));
+            add(h, s, m, way_over(h, s, m, thing));
     find(h, &found);
     assert_int_equal(found.n, 0);
+    assert_int_equal(found.n_bent, 0);
     free(h);
 }
 
@@ -530,6 +656,9 @@ int main(void)
         cmocka_unit_test(noise_alone_makes_no_wall),
         cmocka_unit_test(two_walls_are_found_and_their_corner_is_none),
         cmocka_unit_test(a_corner_is_not_taken_for_a_wall),
+        cmocka_unit_test(a_pillar_is_no_mirror_and_is_told),
+        cmocka_unit_test(a_wall_that_bends_a_little_is_less_certain),
+        cmocka_unit_test(a_flat_wall_does_not_bend),
         cmocka_unit_test(a_thing_is_not_taken_for_a_wall),
         cmocka_unit_test(the_ground_is_not_taken_for_a_wall_when_its_height_is_known),
         cmocka_unit_test(what_is_seen_in_a_wall_is_not_one),

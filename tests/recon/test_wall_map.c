@@ -176,6 +176,26 @@ static void what_cannot_be_told_is_said(void **state)
     free(k);
 }
 
+static void a_pillar_is_said_while_it_is_heard(void **state)
+{
+    (void)state;
+    struct wall_map *k = make(WALL_FROM_ECHOES, &nothing);
+    const struct wall_estimates outwards = {.n_bent = 1, .curvature_1_m = 0.625},
+                                inwards = {.n_bent = 1, .curvature_1_m = -0.4},
+                                silence = {.n = 0};
+    wall_map_advance(k, SECOND);
+    wall_map_estimates(k, &outwards);
+    assert_int_equal(wall_map_list(k)->n, 0);
+    assert_non_null(strstr(k->text, "round, outwards by a radius of 1.6 m"));
+    wall_map_estimates(k, &inwards);
+    assert_int_equal(wall_map_list(k)->n, 0);
+    assert_non_null(strstr(k->text, "round, inwards by a radius of 2.5 m"));
+    wall_map_estimates(k, &silence);
+    assert_int_equal(wall_map_list(k)->n, 0);
+    assert_string_equal(k->text, "no wall is known yet");
+    free(k);
+}
+
 /* Given in the vehicle frame 4 m ahead, half a second ago at 2 m/s. */
 static void given_walls_are_carried_to_the_present_and_keep_their_ids(void **state)
 {
@@ -343,6 +363,7 @@ int main(void)
         cmocka_unit_test(a_wall_that_is_not_seen_any_more_is_said_to_be_lost),
         cmocka_unit_test(without_ego_motion_walls_are_lost_and_it_says_why),
         cmocka_unit_test(what_cannot_be_told_is_said),
+        cmocka_unit_test(a_pillar_is_said_while_it_is_heard),
         cmocka_unit_test(given_walls_are_carried_to_the_present_and_keep_their_ids),
         cmocka_unit_test(given_walls_keep_their_ends),
         cmocka_unit_test(as_many_walls_as_there_may_be_are_all_told),
