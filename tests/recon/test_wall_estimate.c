@@ -564,6 +564,84 @@ static void peaks_are_told_between_samples(void **state)
     }
 }
 
+/* A pulse of a Hann-shaped band, x = bandwidth times time: its Fourier transform. */
+static double hann_pulse(double x)
+{
+    double sum = 0.0;
+    for (int k = -1; k <= 1; k++) {
+        double y = M_PI * (x - k);
+        sum += (k ? 0.5 : 1.0) * (fabs(y) < 1e-9 ? 1.0 : sin(y) / y);
+    }
+    return sum;
+}
+
+/* The peaks of what one pair hears of paths [n]. */
+static void hear_paths(struct hall *h, size_t s, size_t m, const double *paths_m,
+                       const double *amplitudes, size_t n)
+{
+    enum { SAMPLES = 480, MOST_PEAKS = 8, SPREAD = 8 };
+    const struct trace_format f = {
+        .t0_s = 4e-3, .rate_hz = 36e3, .carrier_hz = 11e3, .n_samples = SAMPLES};
+    const double c = 343.0, band_hz = 18e3, limits[2] = {1.4, 5.9};
+    float complex trace[SAMPLES] = {0.0f};
+    struct wall_echo_peak peaks[MOST_PEAKS];
+    for (size_t k = 0; k < n; k++) {
+        double delay_s = paths_m[k] / c;
+        int at = (int)((delay_s - f.t0_s) * f.rate_hz);
+        for (int i = at - SPREAD; i <= at + SPREAD; i++)
+            if (i >= 0 && i < SAMPLES)
+                trace[i] += (float complex)(
+                    amplitudes[k] *
+                    hann_pulse(band_hz * (f.t0_s + i / f.rate_hz - delay_s)) *
+                    cexp(-2.0 * M_PI * I * f.carrier_hz * delay_s));
+    }
+    size_t found = wall_echo_peaks(&f, trace, c, limits, 15.0, 20.0, peaks, MOST_PEAKS);
+    for (size_t k = 0; k < found; k++)
+        add(h, s, m, peaks[k].path_m)->weight = peaks[k].amplitude / peaks[0].amplitude;
+    h->n_pairs++;
+}
+
+/* Leaves over 4 m, some of them nearer by a hand's breadth than others: each pair hears
+ * others of them first.  What stands behind them as a wall is found by the same means. */
+static void a_hedge_is_no_mirror(void **state)
+{
+    (void)state;
+    enum { LEAVES = 300 };
+    static double leaves[LEAVES][3];
+    double paths_m[LEAVES], amplitudes[LEAVES];
+    for (unsigned long long seed = 1; seed <= 6; seed++) {
+        struct hall *h = bumper(7 * seed), *bare = bumper(seed);
+        struct wall_estimates found;
+        for (size_t k = 0; k < LEAVES; k++) {
+            leaves[k][0] = 4.0 * reference_random(&h->seed) - 2.0;
+            leaves[k][1] = 1.5 * reference_random(&h->seed) - 0.5;
+            leaves[k][2] = 1.5 + 0.1 * reference_random(&h->seed);
+        }
+        struct wall w = stands(0.1, 0.0, 1.5);
+        for (size_t s = 0; s < h->n_speakers; s++)
+            for (size_t m = 0; m < h->n_microphones; m++) {
+                double image[3], mirrored_m, amplitude = 0.3;
+                for (size_t k = 0; k < LEAVES; k++) {
+                    paths_m[k] = way_over(h, s, m, leaves[k]);
+                    amplitudes[k] = 1.0 / (apart(h->speakers[s], leaves[k]) *
+                                           apart(h->microphones[m], leaves[k]));
+                }
+                hear_paths(h, s, m, paths_m, amplitudes, LEAVES);
+                mirror(&w, bare->speakers[s], image);
+                mirrored_m = apart(image, bare->microphones[m]);
+                hear_paths(bare, s, m, &mirrored_m, &amplitude, 1);
+            }
+        find(h, &found);
+        assert_int_equal(found.n, 0);
+        assert_int_equal(found.n_bent, 0);
+        find(bare, &found);
+        assert_int_equal(found.n, 1);
+        assert_near(azimuth_of(&found.list[0].wall), 0.1, 0.002);
+        free(h);
+        free(bare);
+    }
+}
+
 static void silence_and_noise_have_no_peaks(void **state)
 {
     (void)state;
@@ -667,6 +745,7 @@ int main(void)
         cmocka_unit_test(errors_are_as_large_as_the_covariance_says),
         cmocka_unit_test(misplaced_elements_are_in_the_covariance),
         cmocka_unit_test(peaks_are_told_between_samples),
+        cmocka_unit_test(a_hedge_is_no_mirror),
         cmocka_unit_test(silence_and_noise_have_no_peaks),
         cmocka_unit_test(what_is_no_number_is_no_peak),
         cmocka_unit_test(a_moving_array_hears_the_wall_nearer_or_farther),
