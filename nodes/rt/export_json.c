@@ -129,6 +129,22 @@ static json_t *detection(const Anlos__Detection *d, bool tracked)
     return o;
 }
 
+/* Corners as pairs, in the frame of the positions: [[x, y], ...]. */
+static json_t *views(const Anlos__DetectionList *list)
+{
+    json_t *all = json_array();
+
+    for (size_t i = 0; i < list->n_views; i++) {
+        const Anlos__ViewArea *v = list->views[i];
+        json_t *corners = json_array();
+        for (size_t k = 0; k + 1 < v->n_corners_m; k += 2)
+            json_array_append_new(corners, export_reals(v->corners_m + k, 2));
+        json_array_append_new(
+            all, json_pack("{si, so}", "wall", v->wall, "corners_m", corners));
+    }
+    return all;
+}
+
 static const char *source_name(Anlos__Source source)
 {
     switch (source) {
@@ -160,6 +176,7 @@ int export_detections(const char *folder, const Anlos__DetectionList *list,
     for (size_t i = 0; i < list->n_detections; i++)
         json_array_append_new(all, detection(list->detections[i], list->tracked));
     json_object_set_new(o, "detections", all);
+    json_object_set_new(o, "views", views(list));
     int err = export_json(folder, "detections.json", o, why);
     json_decref(o);
     return err;

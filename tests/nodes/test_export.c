@@ -354,6 +354,13 @@ static void detections_json_is_valid_and_has_null_for_nan(void **state)
     list.mirrored = list.in_vehicle_frame = true;
     list.source = ANLOS__SOURCE__SIMULATION;
     list.temperature_c = NAN;
+    Anlos__ViewArea area = ANLOS__VIEW_AREA__INIT, *areas[1] = {&area};
+    double corners[6] = {1.0, -2.0, 3.0, -2.0, 2.0, 0.5};
+    area.wall = 4;
+    area.corners_m = corners;
+    area.n_corners_m = 6;
+    list.views = areas;
+    list.n_views = 1;
     assert_int_equal(export_detections(f->folder, &list, &why), 0);
 
     char path[256];
@@ -381,6 +388,12 @@ static void detections_json_is_valid_and_has_null_for_nan(void **state)
     assert_string_equal(json_string_value(json_object_get(m, "by")), "face");
     assert_int_equal(json_array_size(ids), 2);
     assert_int_equal(json_integer_value(json_array_get(ids, 1)), 7);
+    const json_t *v = json_array_get(json_object_get(j, "views"), 0);
+    assert_int_equal(json_integer_value(json_object_get(v, "wall")), 4);
+    const json_t *ring = json_object_get(v, "corners_m");
+    assert_int_equal(json_array_size(ring), 3);
+    assert_near(json_real_value(json_array_get(json_array_get(ring, 0), 1)), -2.0, 0.0);
+    assert_near(json_real_value(json_array_get(json_array_get(ring, 2), 0)), 2.0, 0.0);
     json_decref(j);
     d.multipath = ANLOS__MULTIPATH__NO_MULTIPATH;
     json_t *none = export_multipath(&d);
