@@ -276,8 +276,6 @@ int wall_fit_improve(struct wall_fit *fit, const struct wall_prior *prior,
     f.sorted_m = calloc(n + 1, sizeof *f.sorted_m);
     fit->curvature_1_m = 0.0;
     find_middle(&f);
-    for (size_t i = 0; chosen && i < n; i++)
-        chosen[i] = false;
     int err = f.rows.list && f.sorted_m ? fit_both(&f, fit, tolerance_m, chosen)
                                         : -ENOMEM;
     free(f.rows.list);

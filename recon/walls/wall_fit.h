@@ -20,8 +20,8 @@ struct wall_fit {
  *
  * It bends if that is told by three sigmas, the pairs hear it so no less, and its radius
  * is over half a metre and, inwards, over its distance.  The covariance is that of the
- * residuals (recon/walls/wall_spread.h) and the prior.  chosen [n]: which echoes counted;
- * may be NULL.
+ * residuals (recon/walls/wall_spread.h) and the prior.  chosen [n]: which echoes counted
+ * (not after an error); may be NULL.
  *
  * 0, -EDOM (too few echoes, or they do not determine all three numbers), -ENOMEM. */
 int wall_fit_improve(struct wall_fit *fit, const struct wall_prior *prior,
