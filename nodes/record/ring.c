@@ -7,7 +7,91 @@
 
 #include "msgs/array.pb-c.h"
 
-#define FIRST_ROOM 1024 /* entries; a power of two, as its multiples */
+#define FIRST_ROOM    1024 /* entries; a power of two, as its multiples */
+#define SEGMENT_BYTES ((size_t)2 << 20)
+#define STORED_BYTES  (SEGMENT_BYTES / 4) /* of a message at most */
+
+/* Bytes of messages, of which the oldest goes first.  From the heap, where messages of
+ * all sizes come and go for hours among what stays, they would take ever more than they
+ * are: holes that fit nothing.  What is there once stays, for those to come. */
+
+struct segment {
+    struct segment *next;
+    size_t used; /* bytes */
+    size_t n;    /* messages that are there */
+    uint8_t data[SEGMENT_BYTES];
+};
+
+struct store {
+    struct segment *first, *last; /* of the oldest message, of the newest */
+    struct segment *spare;
+    size_t n; /* all segments */
+};
+
+/* NULL: no memory. */
+static struct segment *take_segment(struct store *s)
+{
+    struct segment *g = s->spare;
+
+    if (g) {
+        s->spare = g->next;
+    } else {
+        g = malloc(sizeof *g);
+        s->n += g != NULL;
+    }
+    if (!g)
+        return NULL;
+    g->next = NULL;
+    g->used = g->n = 0;
+    return g;
+}
+
+/* size: up to STORED_BYTES.  NULL: no memory. */
+static const uint8_t *store_put(struct store *s, const uint8_t *message, size_t size)
+{
+    struct segment *g = s->last;
+
+    if (!g || size > SEGMENT_BYTES - g->used) {
+        g = take_segment(s);
+        if (!g)
+            return NULL;
+        if (s->last)
+            s->last->next = g;
+        else
+            s->first = g;
+        s->last = g;
+    }
+    uint8_t *at = g->data + g->used;
+    if (size)
+        memcpy(at, message, size);
+    g->used += size;
+    g->n++;
+    return at;
+}
+
+/* The oldest message goes. */
+static void store_drop(struct store *s)
+{
+    struct segment *g = s->first;
+
+    if (--g->n)
+        return;
+    s->first = g->next;
+    if (!s->first)
+        s->last = NULL;
+    g->next = s->spare;
+    s->spare = g;
+}
+
+/* There is no message any more. */
+static void store_clear(struct store *s)
+{
+    while (s->spare) {
+        struct segment *g = s->spare;
+        s->spare = g->next;
+        free(g);
+    }
+}
 
 struct background {          /* pings of one scan */
     struct ring_entry *list; /* [n] of room */
@@ -21,6 +105,7 @@ struct ring {
     struct ring_entry *list; /* [room], entry k at k % room */
     size_t room, bytes;      /* of all, kept ones too */
     uint64_t begin, end, hold;
+    struct store store;
     struct ring_entry survey; /* payload NULL: none yet */
     struct background background;
     uint64_t shortened, background_gone;
@@ -73,7 +158,9 @@ static int make_room(struct ring *r)
 static void drop(struct ring *r, struct ring_entry *e)
 {
     r->bytes -= ring_cost(e);
-    bus_message_free(&e->message);
+    if (e->stored)
+        store_drop(&r->store);
+    bus_message_free(&e->message); /* of what was stored, nothing */
 }
 
 static void drop_background(struct ring *r)
@@ -96,6 +183,26 @@ static bool background_has_room(struct background *b)
     b->list = grown;
     b->room = room;
     return true;
+}
+
+/* What may stay for beginnings, or is large, keeps the memory that it came in.
+ * 0, -ENOMEM. */
+static int move_to_store(struct ring *r, struct ring_entry *e)
+{
+    struct bus_message *m = &e->message;
+
+    if (!m->payload || m->envelope.payload_size > STORED_BYTES ||
+        m->topic == topic_survey() || e->background)
+        return 0;
+    const uint8_t *payload = store_put(&r->store, m->payload, m->envelope.payload_size);
+    if (!payload)
+        return -ENOMEM;
+    struct bus_message moved = {
+        .topic = m->topic, .envelope = m->envelope, .payload = payload};
+    bus_message_free(m);
+    *m = moved;
+    e->stored = true;
+    return 0;
 }
 
 /* Is it a ping of a background, and of which scan?  0, -ENOMEM. */
@@ -160,10 +267,12 @@ void ring_trim(struct ring *r, int64_t now_ns)
         shift(r);
 }
 
-static int add(struct ring *r, const struct ring_entry *e)
+static int add(struct ring *r, struct ring_entry *e)
 {
     int err = make_room(r);
 
+    if (!err)
+        err = move_to_store(r, e);
     if (err)
         return err;
     *slot(r, r->end++) = *e;
@@ -191,7 +300,7 @@ int ring_put(struct ring *r, struct bus_message *m, int64_t came_ns)
 
 int ring_lost(struct ring *r, const struct topic *t, uint64_t n, int64_t came_ns)
 {
-    const struct ring_entry e = {.message = {.topic = t}, .lost = n, .came_ns = came_ns};
+    struct ring_entry e = {.message = {.topic = t}, .lost = n, .came_ns = came_ns};
 
     return add(r, &e);
 }
@@ -231,6 +340,7 @@ void ring_sum(const struct ring *r, struct ring_totals *out)
     *out = (struct ring_totals){
         .bytes = r->bytes,
         .background_bytes = r->background.bytes,
+        .store_bytes = r->store.n * SEGMENT_BYTES,
         .n = (size_t)(r->end - r->begin),
         .oldest_ns = r->begin != r->end ? slot(r, r->begin)->came_ns : 0,
         .shortened = r->shortened,
@@ -247,6 +357,7 @@ void ring_destroy(struct ring *r)
         drop(r, slot(r, r->begin++));
     drop_background(r);
     bus_message_free(&r->survey.message);
+    store_clear(&r->store);
     free(r->background.list);
     free(r->list);
     free(r);

@@ -1,6 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 /* nodes/record/ring.h -- the last seconds of all that comes over a bus, in memory: whole
- * messages, without copies, bounded in time and in bytes.
+ * messages, bounded in time and in bytes.  Those of up to 512 kB are copied into segments
+ * of 2 MB, which are as many as the most that was there at a time took and never fewer
+ * again: memory that does not grow with the hours.  Larger ones, and what may stay for
+ * the beginnings of bags, keep the memory that they came in.
  *
  * What a bag needs from its beginning stays when it is too old for the rest: the newest
  * survey, and the pings of a scan's room without the objects (its background), which come
@@ -21,6 +24,7 @@ struct ring_entry {
     int64_t came_ns;
     bool background; /* a ping of the room without the objects... */
     uint32_t scan;   /* ...of this scan */
+    bool stored;     /* its payload is in a segment */
 };
 
 struct ring_config {
@@ -34,6 +38,7 @@ struct ring_config {
 struct ring_totals {
     size_t bytes;             /* of all that is there */
     size_t background_bytes;  /* of them: of pings of a background that are older */
+    size_t store_bytes;       /* of all segments */
     size_t n;                 /* entries */
     int64_t oldest_ns;        /* came then; 0: there is none */
     uint64_t shortened;       /* entries that went before their time, for want of room */
