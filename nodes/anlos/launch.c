@@ -16,6 +16,7 @@
 #include "nodes/record/parts.h"
 #include "nodes/rt/arguments.h"
 #include "nodes/rt/export.h"
+#include "nodes/rt/heap.h"
 #include "nodes/rt/launchfile_hosts.h"
 #include "nodes/rt/node.h"
 #include "nodes/rt/priority.h"
@@ -181,6 +182,7 @@ int command_launch(int argc, char **argv)
                                             .run_dir = run_dir,
                                             .bin_dir = bin_dir,
                                             .launch_file = site_launch_file(launch)};
+        heap_share();
         code = launcher_run(&cfg, &reported);
         site_close(launch, run_dir);
         if (reported)

@@ -8,6 +8,7 @@
 #include "nodes/anlos/commands.h"
 #include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/usage.h"
+#include "nodes/rt/heap.h"
 #include "nodes/rt/rundir.h"
 #include "nodes/view/viewer.h"
 
@@ -215,5 +216,6 @@ int command_view(int argc, char **argv)
                            argv[optind]);
     cfg.may_mark = saves;
     interrupt_catch();
+    heap_share();
     return serve(&cfg, run_dir, saves && !cfg.bag);
 }

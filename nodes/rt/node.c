@@ -12,6 +12,7 @@
 #include "hal/clock_replay.h"
 #include "nodes/rt/arguments.h"
 #include "nodes/rt/health.h"
+#include "nodes/rt/heap.h"
 #include "nodes/rt/heartbeat.h"
 #include "nodes/rt/launchfile_hosts.h"
 #include "nodes/rt/log_topic.h"
@@ -155,6 +156,7 @@ static int open_log(struct node *n, const char *name, const struct arguments *ar
 static int begin(struct node *n, const char *name, const struct arguments *args,
                  struct error *why)
 {
+    heap_share();
     snprintf(n->name, sizeof n->name, "%s", name);
     clock_replay_init(&n->clock, clock_system());
     n->epoch_ns = node_now_ns(n);

@@ -18,6 +18,7 @@
 #include "nodes/record/recorder.h"
 #include "nodes/record/session.h"
 #include "nodes/record/tap.h"
+#include "nodes/rt/heap.h"
 #include "nodes/rt/log.h"
 #include "nodes/rt/rundir.h"
 
@@ -407,6 +408,7 @@ static int record_run(const struct record_options *o, bool *began, struct error 
                     .show.terminal = isatty(STDOUT_FILENO) != 0};
 
     interrupt_catch();
+    heap_share();
     j.start_ns = clock_now_ns(j.clock);
     int err = choice_make(&j.choice, o->topics, o->exclude, why);
     if (!err)

@@ -1,0 +1,108 @@
+/* SPDX-License-Identifier: MIT */
+/* nodes/rt/heap.c, in a node: what the C library says of its heaps.  AddressSanitizer has
+ * its own, of which it knows nothing. */
+#include "tests/hal/scratch.h"
+
+#include <malloc.h>
+#include <pthread.h>
+
+#include "nodes/rt/heap.h"
+#include "nodes/rt/node.h"
+
+#if defined(__has_feature)
+#if __has_feature(address_sanitizer)
+#define OTHER_HEAP 1
+#endif
+#endif
+#ifdef __SANITIZE_ADDRESS__
+#define OTHER_HEAP 1
+#endif
+
+#ifndef OTHER_HEAP
+static size_t count_heaps(void)
+{
+    char *text = NULL;
+    size_t size, n = 0;
+    FILE *f = open_memstream(&text, &size);
+
+    assert_non_null(f);
+    assert_int_equal(malloc_info(0, f), 0);
+    assert_int_equal(fclose(f), 0);
+    for (const char *at = text; (at = strstr(at, "<heap nr=")); at++)
+        n++;
+    free(text);
+    return n;
+}
+
+static void *allocate(void *block)
+{
+    return *(void **)block = malloc(100000);
+}
+
+static void threads_of_a_node_share_one_heap(void **state)
+{
+    const struct scratch *scratch = *state;
+    const struct arguments args = {.run_dir = scratch->folder};
+    struct error why = {""};
+    pthread_t threads[4];
+    void *blocks[4];
+    struct node *node; /* its bus has threads */
+
+    assert_int_equal(node_start(&node, "scan", &args, &why), 0);
+    for (size_t i = 0; i < 4; i++)
+        assert_int_equal(pthread_create(&threads[i], NULL, allocate, &blocks[i]), 0);
+    for (size_t i = 0; i < 4; i++)
+        pthread_join(threads[i], NULL);
+    assert_int_equal(count_heaps(), 1);
+    for (size_t i = 0; i < 4; i++) {
+        assert_non_null(blocks[i]);
+        free(blocks[i]);
+    }
+    node_finish(node, 0);
+}
+
+/* Fills and empties the end of the heap; how much of it is there then, and was before. */
+static void pile(size_t n, size_t *full, size_t *empty)
+{
+    void *blocks[40];
+
+    assert_true(n <= 40);
+    for (size_t i = 0; i < n; i++) {
+        blocks[i] = malloc(100000);
+        assert_non_null(blocks[i]);
+    }
+    *full = mallinfo2().arena;
+    while (n)
+        free(blocks[--n]);
+    *empty = mallinfo2().arena;
+}
+
+static void what_a_few_messages_took_stays_what_a_pile_took_goes(void **state)
+{
+    size_t full, empty;
+
+    (void)state;
+    heap_share();
+    pile(5, &full, &empty);
+    assert_int_equal(empty, full);
+    pile(40, &full, &empty);
+    assert_true(empty <= full - 2500000);
+}
+#endif
+
+int main(void)
+{
+#ifdef OTHER_HEAP
+    puts("skipped: the heap is AddressSanitizer's");
+    return 77;
+#else
+    const struct CMUnitTest tests[] = {
+        /* before anything that is large is freed */
+        cmocka_unit_test(what_a_few_messages_took_stays_what_a_pile_took_goes),
+        cmocka_unit_test_setup_teardown(threads_of_a_node_share_one_heap, scratch_open,
+                                        scratch_close),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+#endif
+}
