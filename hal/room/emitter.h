@@ -9,7 +9,6 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "hal/room/doppler.h"
 #include "hal/room/glint.h"
 #include "hal/room/mirror.h"
 
@@ -29,6 +28,15 @@ struct emitter;
 /* Plans and tabulates; copies emissions and responses.  0, -EINVAL, -ENOMEM. */
 int emitter_create(struct emitter **out, const struct emitter_config *cfg);
 void emitter_destroy(struct emitter *e);
+
+/* A point in straight motion: at_m at time 0. */
+struct doppler_point {
+    double at_m[3], velocity_m_s[3];
+};
+
+/* Its image behind the wall { p : normal . p = distance_m }. */
+void doppler_mirror(const double normal[3], double distance_m,
+                    const struct doppler_point *p, struct doppler_point *out);
 
 struct emitter_piece { /* as scatter_piece, in motion */
     struct doppler_point in, out;

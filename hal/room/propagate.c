@@ -5,24 +5,154 @@
 #include <errno.h>
 #include <math.h>
 #include <stdbool.h>
+#include <stddef.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include <fftw3.h>
 
-#include "hal/room/arrivals.h"
-#include "hal/room/legs.h"
+#include "hal/room/mirror.h"
+#include "hal/room/scatter.h"
 #include "hal/room/vector.h"
 
 enum { POINTS, FACETS, CLUTTER, MIRRORED, GROUPS };
 enum { GRID = 2 }; /* samples of the impulse responses for each sample */
+
+/* Impulses at any time onto that grid, band-limited. */
+enum { ARRIVALS_TAPS = 12, ARRIVALS_PHASES = 4096 };
+
+struct arrivals {
+    float weights[ARRIVALS_PHASES + 1][ARRIVALS_TAPS];
+};
+
+/* Modified Bessel function of the first kind, order 0: its series. */
+static double bessel_i0(double x)
+{
+    double sum = 1, term = 1;
+    for (int k = 1; term > 1e-17 * sum; k++) {
+        term *= x / (2 * k) * (x / (2 * k));
+        sum += term;
+    }
+    return sum;
+}
+
+/* Kaiser's rule (1974): 12 taps and a transition of half the band stop 90 dB down. */
+static double kernel(double x)
+{
+    const double half = ARRIVALS_TAPS / 2, beta = 8.8;
+    if (fabs(x) >= half)
+        return 0;
+    double sinc = x == 0 ? 1 : sin(M_PI * x) / (M_PI * x);
+    return sinc * bessel_i0(beta * sqrt(1 - x * x / (half * half))) / bessel_i0(beta);
+}
+
+/* The table, for signals in the lower half of the grid's band.  free() it; NULL: no
+ * memory. */
+static struct arrivals *arrivals_create(void)
+{
+    struct arrivals *a = malloc(sizeof *a);
+    if (!a)
+        return NULL;
+    for (int p = 0; p <= ARRIVALS_PHASES; p++) {
+        double w[ARRIVALS_TAPS], sum = 0;
+        for (int k = 0; k < ARRIVALS_TAPS; k++) {
+            double at = k - (ARRIVALS_TAPS / 2 - 1);
+            w[k] = kernel(at - (double)p / ARRIVALS_PHASES);
+            sum += w[k];
+        }
+        for (int k = 0; k < ARRIVALS_TAPS; k++)
+            a->weights[p][k] = (float)(w[k] / sum);
+    }
+    return a;
+}
+
+/* Adds an impulse at sample t of h[n]; one that does not fit with its taps is left out.
+ */
+static void arrivals_add(const struct arrivals *a, float *restrict h, size_t n, double t,
+                         float amplitude)
+{
+    const double before = ARRIVALS_TAPS / 2 - 1;
+    if (!(t >= before) || t + ARRIVALS_TAPS / 2 >= (double)n)
+        return;
+    size_t i = (size_t)t;
+    const float *w = a->weights[(size_t)((t - (double)i) * ARRIVALS_PHASES + 0.5)];
+    h += i - (ARRIVALS_TAPS / 2 - 1);
+    for (int k = 0; k < ARRIVALS_TAPS; k++)
+        h[k] += amplitude * w[k];
+}
+
+/* The ways between each element of the array and each piece. */
+struct paths {
+    size_t n_pieces, room;
+    double *delay; /* [n_elements][n_pieces], in the caller's unit */
+    float *gain;   /* 1 / r; 0 of a piece that looks away, or that the wall does
+                      not reach */
+    float *cosine; /* of incidence; 1 where a piece has no front */
+    float *rate;   /* how fast r grows while the elements move */
+};
+
+static void paths_clear(struct paths *l)
+{
+    free(l->delay);
+    free(l->gain);
+    free(l->cosine);
+    free(l->rate);
+    *l = (struct paths){.n_pieces = 0};
+}
+
+static int reserve(struct paths *l, size_t n)
+{
+    if (n <= l->room)
+        return 0;
+    paths_clear(l);
+    l->delay = malloc(n * sizeof *l->delay);
+    l->gain = malloc(n * sizeof *l->gain);
+    l->cosine = malloc(n * sizeof *l->cosine);
+    l->rate = malloc(n * sizeof *l->rate);
+    if (!l->delay || !l->gain || !l->cosine || !l->rate) {
+        paths_clear(l);
+        return -ENOMEM;
+    }
+    l->room = n;
+    return 0;
+}
+
+/* Fills in the ways to where sound enters (or, outward, leaves) the pieces; mirror: the
+ * elements are images in it, NULL: they are there; velocity: of them all, NULL: the rate
+ * is left alone.  Grows its arrays as needed.  0, -ENOMEM. */
+static int paths_set(struct paths *l, const double (*elements)[3], size_t n_elements,
+                     const struct scatter *s, bool outward, const struct mirror *mirror,
+                     const double *velocity, double delay_per_m)
+{
+    if (reserve(l, n_elements * s->n) < 0)
+        return -ENOMEM;
+    l->n_pieces = s->n;
+    for (size_t e = 0, k = 0; e < n_elements; e++)
+        for (size_t i = 0; i < s->n; i++, k++) {
+            const struct scatter_piece *p = &s->pieces[i];
+            const double *at = outward ? p->out : p->in;
+            double way[3];
+            vector_add(elements[e], -1, at, way);
+            double r = sqrt(vector_dot(way, way));
+            bool front = p->normal[0] != 0 || p->normal[1] != 0 || p->normal[2] != 0;
+            double cosine = front ? vector_dot(way, p->normal) / r : 1;
+            l->delay[k] = r * delay_per_m;
+            bool heard = cosine > 0 &&
+                         (!mirror || mirror_reflects(mirror, elements[e], at));
+            l->gain[k] = heard ? (float)(1 / r) : 0;
+            l->cosine[k] = (float)cosine;
+            if (velocity)
+                l->rate[k] = (float)(vector_dot(way, velocity) / r);
+        }
+    return 0;
+}
 
 struct propagate {
     struct propagate_config cfg;
     size_t n_bins; /* n_samples / 2 + 1 */
     struct propagate_scene scene;
     const struct scatter *groups[GROUPS];
-    struct legs in[GROUPS], out[GROUPS];
+    struct paths in[GROUPS], out[GROUPS];
     struct arrivals *arrivals;
     float *impulses;         /* [n_terms][GRID * n_samples] */
     float complex *spectrum; /* [GRID * n_samples / 2 + 1] */
@@ -179,13 +309,13 @@ int propagate_prepare(struct propagate *p, const struct propagate_scene *scene)
             p->groups[g] = NULL;
         if (!p->groups[g])
             continue;
-        if (legs_set(&p->in[g], direct ? scene->speakers_m : scene->speaker_images_m,
-                     p->cfg.n_speakers, p->groups[g], false,
-                     direct ? NULL : scene->mirror, velocity, per_m) < 0 ||
-            legs_set(&p->out[g],
-                     direct ? scene->microphones_m : scene->microphone_images_m,
-                     p->cfg.n_microphones, p->groups[g], true,
-                     direct ? NULL : scene->mirror, velocity, per_m) < 0)
+        if (paths_set(&p->in[g], direct ? scene->speakers_m : scene->speaker_images_m,
+                      p->cfg.n_speakers, p->groups[g], false,
+                      direct ? NULL : scene->mirror, velocity, per_m) < 0 ||
+            paths_set(&p->out[g],
+                      direct ? scene->microphones_m : scene->microphone_images_m,
+                      p->cfg.n_microphones, p->groups[g], true,
+                      direct ? NULL : scene->mirror, velocity, per_m) < 0)
             return -ENOMEM;
     }
     return 0;
@@ -212,7 +342,7 @@ static void add_group(struct propagate *p, int g, size_t speaker, size_t microph
         return;
     size_t n = p->groups[g]->n;
     const struct scatter_piece *pieces = p->groups[g]->pieces;
-    const struct legs *in = &p->in[g], *out = &p->out[g];
+    const struct paths *in = &p->in[g], *out = &p->out[g];
     size_t a = speaker * n, b = microphone * n;
     bool moves = p->cfg.n_terms > 1;
     for (size_t i = 0; i < n; i++, a++, b++) {
@@ -296,8 +426,8 @@ void propagate_destroy(struct propagate *p)
     if (!p)
         return;
     for (int g = 0; g < GROUPS; g++) {
-        legs_clear(&p->in[g]);
-        legs_clear(&p->out[g]);
+        paths_clear(&p->in[g]);
+        paths_clear(&p->out[g]);
     }
     fftwf_destroy_plan(p->forward);
     fftwf_destroy_plan(p->backward);

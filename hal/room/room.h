@@ -95,7 +95,7 @@ struct room_emission {
 /* What the microphones hear of one emission, from where everything is at that time, and
  * of no other: samples [n_microphones][room_frames(1)], with noise and faults.  The time
  * axis of each echo is stretched as the ways change while the chirp is under way (hal/
- * room/doppler.h; of a continuous scan hal/room/propagate.h).  At the survey's position
+ * room/emitter.h; of a continuous scan hal/room/propagate.h).  At the survey's position
  * 0, of a continuous scan on the way.  See hal/room/stream.h for emissions that ring into
  * each other.
  * Of a drive it takes some 3 us for each microphone and each piece that moves against the

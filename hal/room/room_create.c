@@ -10,14 +10,108 @@
 #include "hal/random.h"
 #include "hal/room/figure.h"
 #include "hal/room/microphones.h"
-#include "hal/room/motion.h"
-#include "hal/room/reach.h"
 #include "hal/room/room_state.h"
+#include "hal/room/vector.h"
 
-enum { PROBED_POSITIONS = 8, RING_SAMPLES = 256, SIGHT_STEPS = 20000, STREAM_DRAWS = 12 };
+enum { PROBED_POSITIONS = 8, RING_SAMPLES = 256, STREAM_DRAWS = 12 };
 #define TEMPERATURE_DEFAULT_C 20.0
 #define SLOWEST_SOUND         0.85 /* of the nominal speed, with 30 K of drift */
-#define SIGHT_STEP_S          0.005
+
+/* -- how far sound gets -----------------------------------------------------------------
+ */
+
+#define STEP_S      0.02
+#define STEPS       5000
+#define EGO_MAX_M_S 30.0 /* as scene_check.c has it */
+
+static double distance_m(const double a[3], const double b[3])
+{
+    double way[3];
+    vector_add(a, -1, b, way);
+    return sqrt(vector_dot(way, way));
+}
+
+/* The farthest that any element gets from the first speaker at the first position. */
+static double array_reach_m(struct pose *pose, double first[3])
+{
+    const struct survey *s = pose->survey;
+    double reach = 0;
+    for (size_t k = 0; k < s->n_positions; k++) {
+        pose_move(pose, k);
+        if (k == 0)
+            memcpy(first, pose->speakers_m[0], 3 * sizeof *first);
+        for (size_t i = 0; i < s->n_speakers; i++)
+            reach = fmax(reach, distance_m(pose->speakers_m[i], first));
+        for (size_t i = 0; i < s->n_microphones; i++)
+            reach = fmax(reach, distance_m(pose->microphones_m[i], first));
+    }
+    return reach;
+}
+
+static double farthest_m(const struct scatter *s, const double from[3])
+{
+    double farthest = 0;
+    for (size_t i = 0; i < s->n; i++) {
+        farthest = fmax(farthest, distance_m(s->pieces[i].in, from));
+        farthest = fmax(farthest, distance_m(s->pieces[i].out, from));
+    }
+    return farthest;
+}
+
+/* No sound takes a longer way from speaker to microphone, at any position.  Leaves the
+ * pose at the last one. */
+static double reach_longest_path_m(struct pose *pose, const struct world *world)
+{
+    const struct survey *s = pose->survey;
+    double first[3], image[3];
+    double reach = array_reach_m(pose, first);
+    reach += fabs(survey_speed_m_s(s)) * survey_duration_s(s) / (double)s->n_positions;
+    vector_mirror(s->wall_normal, s->wall_distance_m, first, image);
+    double far =
+        fmax(farthest_m(&world->points, image), farthest_m(&world->facets, image));
+    far = fmax(far, farthest_m(&world->mirrored, image));
+    far = fmax(far, farthest_m(&world->clutter, first));
+    far = fmax(far, distance_m(first, image) / 2); /* the wall's echo */
+    return 2 * (far + reach);
+}
+
+/* Of a moment of a drive: from the first speaker or its image to anything. */
+static double reach_now_m(const struct survey *s, const double first[3],
+                          const struct traffic *traffic)
+{
+    double image[3], far;
+    vector_mirror(s->wall_normal, s->wall_distance_m, first, image);
+    far = distance_m(first, image) / 2; /* the wall's echo */
+    for (size_t i = 0; i < traffic->n; i++) {
+        far = fmax(far, distance_m(traffic->pieces[i].in.at_m, image));
+        far = fmax(far, distance_m(traffic->pieces[i].out.at_m, image));
+    }
+    far = fmax(far, farthest_m(&traffic->world->mirrored, image));
+    return fmax(far, farthest_m(&traffic->world->clutter, first));
+}
+
+/* The same at any time of a drive, by steps of it. */
+static double reach_longest_drive_m(struct pose *pose, const struct drive *drive,
+                                    struct traffic *traffic)
+{
+    double first[3], at[3], reach = array_reach_m(pose, first), far = 0;
+    double step_s = fmax(STEP_S, drive->scene->period_s / STEPS), speed_m_s = 0;
+    for (double t_s = 0; t_s < drive->scene->period_s; t_s += step_s) {
+        struct drive_frame frame;
+        traffic_set(traffic, t_s);
+        drive_frame(drive, t_s, &frame);
+        drive_to_ground(&frame, first, at);
+        far = fmax(far, reach_now_m(pose->survey, at, traffic));
+        for (size_t i = 0; i < traffic->n; i++) {
+            const double *v = traffic->pieces[i].in.velocity_m_s;
+            speed_m_s = fmax(speed_m_s, sqrt(vector_dot(v, v)));
+        }
+    }
+    return 2 * (far + reach + (speed_m_s + EGO_MAX_M_S) * step_s);
+}
+
+/* -- what renders it --------------------------------------------------------------------
+ */
 
 /* What the speakers make of the chirp in one direction, and the microphones of what they
  * hear; free() both. */
@@ -126,6 +220,9 @@ static int create_interferers(struct room *r)
     return interferers_create(&r->interferers, &cfg);
 }
 
+/* -- the level of its noise, and the whole ----------------------------------------------
+ */
+
 /* Mean square of the objects' echoes over a recording, from some positions of it. */
 static int measure_echoes(struct room *r, double *power)
 {
@@ -161,14 +258,14 @@ static int set_noise(struct room *r)
 {
     const struct scene_noise *noise = r->scene->noise;
     double power;
-    r->noise_rms = noise->rms ? *noise->rms : 0;
+    r->noise.rms = noise->rms ? *noise->rms : 0;
     if (!noise->snr_db)
         return 0;
     if (noise->at_m)
         power = person_power(r, *noise->at_m);
     else if (measure_echoes(r, &power) < 0)
         return -ENOMEM;
-    r->noise_rms = sqrt(power * pow(10, -*noise->snr_db / 10));
+    r->noise.rms = sqrt(power * pow(10, -*noise->snr_db / 10));
     return 0;
 }
 
@@ -183,34 +280,6 @@ static int set_truth(struct room *r)
     return faults_create(&r->faults, f, s->n_speakers, s->n_microphones);
 }
 
-struct watch { /* an object, from the array */
-    const struct room *room;
-    size_t object;
-};
-
-static bool is_in_view(void *ctx, double t_s)
-{
-    const struct watch *w = ctx;
-    return room_sees(w->room, w->object, t_s);
-}
-
-static int set_sights(struct room *r)
-{
-    const struct scene_drive *drive = r->scene->drive;
-    int err = 0;
-    r->sights = calloc(r->world.n_objects + 1, sizeof *r->sights);
-    if (!r->sights)
-        return -ENOMEM;
-    for (size_t i = 0; i < r->world.n_objects && drive && !err; i++) {
-        const double *present_s = r->scene->objects[i].present_s;
-        struct watch w = {r, i};
-        err = sight_scan(&r->sights[i], is_in_view, &w, present_s ? present_s[0] : 0,
-                         present_s ? present_s[1] : drive->period_s,
-                         fmax(SIGHT_STEP_S, drive->period_s / SIGHT_STEPS));
-    }
-    return err;
-}
-
 /* All that is not the file's: 0, -ENOMEM. */
 static int complete(struct room *r)
 {
@@ -222,14 +291,14 @@ static int complete(struct room *r)
     if (!err)
         err = traffic_create(&r->traffic, s, &r->world);
     if (!err)
-        err = slams_create(&r->slams, s, &r->survey, r->sound_speed_m_s);
+        err = noise_create(&r->noise, s, &r->survey, r->sound_speed_m_s);
     if (!err)
         err = create_renderer(r);
     if (!err)
         err = create_interferers(r);
     if (!err)
         err = set_noise(r);
-    return err ? err : set_sights(r);
+    return err ? err : room_set_sights(r);
 }
 
 /* Seeds of neighbouring scenes are neighbours: their draws are not each other's. */
@@ -289,7 +358,7 @@ void room_destroy(struct room *r)
     if (!r)
         return;
     for (size_t i = 0; r->sights && i < r->world.n_objects; i++)
-        sight_clear_spans(&r->sights[i]);
+        free(r->sights[i].spans);
     free(r->sights);
     propagate_destroy(r->propagate[0]);
     propagate_destroy(r->propagate[1]);
@@ -304,7 +373,7 @@ void room_destroy(struct room *r)
     traffic_clear(&r->traffic);
     drive_clear(&r->drive);
     faults_clear(&r->faults);
-    slams_clear(&r->slams);
+    noise_clear(&r->noise);
     interferers_clear(&r->interferers);
     pose_clear(&r->pose);
     world_clear(&r->world);

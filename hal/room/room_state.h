@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* hal/room/room_state.h -- what a room is made of, for its own sources: room.c (shots),
- * room_create.c, room_emit.c and room_truth.c (at a time), stream.c. */
+/* hal/room/room_state.h -- what a room is made of, for its own sources: room_create.c,
+ * room.c (its sound), room_truth.c (where everything is), stream.c. */
 #ifndef ANLOS_HAL_ROOM_ROOM_STATE_H
 #define ANLOS_HAL_ROOM_ROOM_STATE_H
 
@@ -8,13 +8,11 @@
 #include "hal/room/emitter.h"
 #include "hal/room/faults.h"
 #include "hal/room/interferer.h"
+#include "hal/room/noise.h"
 #include "hal/room/pose.h"
 #include "hal/room/propagate.h"
 #include "hal/room/room.h"
 #include "hal/room/scene.h"
-#include "hal/room/sight.h"
-#include "hal/room/slams.h"
-#include "hal/room/tones.h"
 #include "hal/room/traffic.h"
 #include "hal/room/world.h"
 
@@ -29,12 +27,20 @@ struct room_still {
                       rendered yet */
 };
 
+/* When an object is in view. */
+struct sight_spans {
+    size_t n, room;
+    struct sight_span {
+        double from_s, to_s;
+    } * spans; /* [n], in their order */
+};
+
 struct room {
     struct scene *scene;
     struct survey survey; /* as the processor knows it */
     double sound_speed_m_s, temperature_c, latency_samples; /* as they are */
     struct faults faults;
-    struct slams slams;
+    struct noise noise;
     struct interferers interferers;
     size_t jitter_samples; /* of our emissions */
     struct world world;
@@ -50,19 +56,12 @@ struct room {
     float *heard;            /* [n_microphones][n_heard] of one emission */
     float *rendered;         /* the same before the cables of a drive's microphones */
     size_t n_chirp, n_heard; /* samples of a chirp; heard of it by a microphone */
-    double noise_rms;
 };
-
-/* The base temperature's speed, changed as the air's temperature has changed. */
-double room_sound_speed_m_s(const struct room *r, enum pass pass, size_t position);
 
 /* What is heard in a standing scene: the hidden objects, or what is there anyway, or
  * both; by the propagation of one direction.  0, -ENOMEM. */
 int room_prepare(struct room *r, bool down, enum pass pass, size_t position, bool objects,
                  bool surroundings);
-
-/* The same of an emission of a stage that goes on, in the middle of its chirp. */
-int room_prepare_on(struct room *r, const struct room_emission *e);
 
 /* An emission into r->heard, without noise.  0, -EINVAL, -ENOMEM. */
 int room_hear(struct room *r, const struct room_emission *e);
@@ -72,14 +71,8 @@ int room_hear(struct room *r, const struct room_emission *e);
 void room_hear_interferer(struct room *r, size_t interferer, size_t speaker, double t_s,
                           double latency_samples);
 
-/* Does nothing stand between an object's centre and the array's? */
-bool room_sees(const struct room *r, size_t object, double t_s);
-
-/* Noise of the whole array at a time onto samples [n_microphones], stride apart, n of
- * each; but for how loud it is then, and for what slams, it depends on the words alone.
- */
-void room_add_noise(const struct room *r, double t_s, const uint64_t *words,
-                    size_t n_words, float *samples, size_t stride, size_t n);
+/* Into r->sights, when each object of a drive is in view (room_truth.c).  0, -ENOMEM. */
+int room_set_sights(struct room *r);
 
 enum { ROOM_NOISE_SHOT = 8, ROOM_NOISE_EMISSION = 10, ROOM_NOISE_STREAM = 11 };
 

@@ -1,13 +1,19 @@
 /* SPDX-License-Identifier: MIT */
-/* hal/room/room_truth.c -- a room at a time: where everything is, and what is in view. */
+/* hal/room/room_truth.c -- a room at a time: where everything is, what is in view and
+ * until when. */
+#include <errno.h>
 #include <math.h>
+#include <stdbool.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "hal/room/motion.h"
 #include "hal/room/room_state.h"
 #include "hal/room/vector.h"
 
-#define NS_PER_S 1e9
+enum { SIGHT_STEPS = 20000 };
+#define NS_PER_S     1e9
+#define SIGHT_STEP_S 0.005
 
 bool room_is_drive(const struct room *r)
 {
@@ -28,6 +34,31 @@ double room_time_s(const struct room *r, int64_t wall_ns)
     return (double)(t_ns < 0 ? t_ns + period_ns : t_ns) / NS_PER_S;
 }
 
+/* Twice the area of the triangle p, q, r: above 0 when they turn left. */
+static double turn(const double p[2], const double q[2], const double r[2])
+{
+    return (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]);
+}
+
+static bool cross(const double a[2], const double b[2], const double p[2],
+                  const double q[2])
+{
+    return (turn(a, b, p) > 0) != (turn(a, b, q) > 0) &&
+           (turn(p, q, a) > 0) != (turn(p, q, b) > 0);
+}
+
+/* Does the straight line from a to b pass an outline of n >= 3 corners x, z?  Seen from
+ * above: y does not count.  n = 0: nothing is in the way. */
+static bool sight_clear(const double (*outline)[2], size_t n, const double a[3],
+                        const double b[3])
+{
+    const double from[2] = {a[0], a[2]}, to[2] = {b[0], b[2]};
+    for (size_t i = 0, j = n - 1; i < n; j = i++)
+        if (cross(from, to, outline[j], outline[i]))
+            return false;
+    return true;
+}
+
 /* The middle of the array's elements over ground. */
 static void array_centre(const struct room *r, const struct drive_frame *frame,
                          double out[3])
@@ -41,7 +72,8 @@ static void array_centre(const struct room *r, const struct drive_frame *frame,
     drive_to_ground(frame, p, out);
 }
 
-bool room_sees(const struct room *r, size_t object, double t_s)
+/* Does nothing stand between an object's centre and the array's? */
+static bool sees(const struct room *r, size_t object, double t_s)
 {
     struct drive_frame frame;
     double array[3], centre[3], velocity[3], extent[3];
@@ -50,6 +82,93 @@ bool room_sees(const struct room *r, size_t object, double t_s)
     traffic_object(&r->traffic, object, t_s, centre, velocity, extent);
     return sight_clear((const double(*)[2])r->scene->building, r->scene->n_building,
                        array, centre);
+}
+
+static int add_span(struct sight_spans *s, double from_s, double to_s)
+{
+    if (s->n == s->room) {
+        size_t room = s->room ? 2 * s->room : 4;
+        struct sight_span *p = realloc(s->spans, room * sizeof *p);
+        if (!p)
+            return -ENOMEM;
+        s->spans = p;
+        s->room = room;
+    }
+    s->spans[s->n++] = (struct sight_span){from_s, to_s};
+    return 0;
+}
+
+/* When the answer changes between two times that have different ones. */
+static double change_s(bool (*in_view)(void *ctx, double t_s), void *ctx, double a_s,
+                       double b_s)
+{
+    bool before = in_view(ctx, a_s);
+    for (int i = 0; i < 30; i++) {
+        double middle_s = (a_s + b_s) / 2;
+        if (in_view(ctx, middle_s) == before)
+            a_s = middle_s;
+        else
+            b_s = middle_s;
+    }
+    return (a_s + b_s) / 2;
+}
+
+/* Asks in_view(ctx, t) at steps from one time to another and halves the steps where the
+ * answer changes.  Adds to *out.  0, -ENOMEM. */
+static int scan_sight(struct sight_spans *out, bool (*in_view)(void *ctx, double t_s),
+                      void *ctx, double from_s, double to_s, double step_s)
+{
+    double begun_s = from_s, last_s = from_s;
+    bool seen = in_view(ctx, from_s);
+    while (last_s < to_s) {
+        double t_s = fmin(last_s + step_s, to_s);
+        if (in_view(ctx, t_s) != seen) {
+            double at_s = change_s(in_view, ctx, last_s, t_s);
+            if (seen && add_span(out, begun_s, at_s) < 0)
+                return -ENOMEM;
+            begun_s = at_s;
+            seen = !seen;
+        }
+        last_s = t_s;
+    }
+    return seen ? add_span(out, begun_s, to_s) : 0;
+}
+
+/* Seconds from t until a span begins; 0 within one, NaN when none comes. */
+static double until_sight_s(const struct sight_spans *s, double t_s)
+{
+    for (size_t i = 0; i < s->n; i++)
+        if (t_s < s->spans[i].to_s)
+            return fmax(s->spans[i].from_s - t_s, 0);
+    return NAN;
+}
+
+struct watch { /* an object, from the array */
+    const struct room *room;
+    size_t object;
+};
+
+static bool is_in_view(void *ctx, double t_s)
+{
+    const struct watch *w = ctx;
+    return sees(w->room, w->object, t_s);
+}
+
+int room_set_sights(struct room *r)
+{
+    const struct scene_drive *drive = r->scene->drive;
+    int err = 0;
+    r->sights = calloc(r->world.n_objects + 1, sizeof *r->sights);
+    if (!r->sights)
+        return -ENOMEM;
+    for (size_t i = 0; i < r->world.n_objects && drive && !err; i++) {
+        const double *present_s = r->scene->objects[i].present_s;
+        struct watch w = {r, i};
+        err = scan_sight(&r->sights[i], is_in_view, &w, present_s ? present_s[0] : 0,
+                         present_s ? present_s[1] : drive->period_s,
+                         fmax(SIGHT_STEP_S, drive->period_s / SIGHT_STEPS));
+    }
+    return err;
 }
 
 /* A direction of the array frame in the vehicle's. */
@@ -94,9 +213,9 @@ static void tell(const struct room *r, size_t object, double t_s, struct room_tr
     turn_extent(r, &frame, extent, out->extent_m);
     vector_mirror(s->wall_normal, s->wall_distance_m, centre, p);
     drive_from_ground(&frame, p, out->virtual_m);
-    out->line_of_sight = room_sees(r, object, t_s);
+    out->line_of_sight = sees(r, object, t_s);
     out->until_sight_s = out->line_of_sight ? 0
-                         : r->scene->drive  ? sight_until_s(&r->sights[object], t_s)
+                         : r->scene->drive  ? until_sight_s(&r->sights[object], t_s)
                                             : NAN;
 }
 

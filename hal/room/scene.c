@@ -6,7 +6,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "hal/room/scene_preset.h"
 #include "hal/survey/place.h"
 #include "hal/yaml/file.h"
 
@@ -216,6 +215,87 @@ const char *scene_kind_name(int kind)
     return kinds[kind].str;
 }
 
+/* p: of a pointer to what the file says.  Keeps that, or makes it and copies the default
+ * value.  0, -ENOMEM. */
+static int fill_in(void *p, const void *value, size_t size)
+{
+    void *there;
+    memcpy(&there, p, sizeof there);
+    if (there)
+        return 0;
+    there = malloc(size);
+    if (!there)
+        return -ENOMEM;
+    memcpy(there, value, size);
+    memcpy(p, &there, sizeof there);
+    return 0;
+}
+
+/* 16 speakers and 16 microphones upright, 0.08 m apart, carried 1 m in 32 steps (Lindell
+ * 2019, section 4). */
+static int fill_in_paper(struct survey_yaml *y)
+{
+    enum { ELEMENTS = 16, POSITIONS = 32 };
+    static const double rate_hz = 48000;
+    static const uint32_t slot = 3000;
+    static const struct survey_yaml_chirp chirp = {2000, 20000, 0.0625, 0, false};
+    struct survey_yaml_stage stage = {.axis = {1, 0, 0}, .n_positions = POSITIONS};
+    double speakers[ELEMENTS][3], microphones[ELEMENTS][3], positions[POSITIONS];
+    for (int i = 0; i < ELEMENTS; i++)
+        for (int a = 0; a < 3; a++) {
+            speakers[i][a] = a == 1 ? i / 15.0 : 0;
+            microphones[i][a] = a == 0 ? 0.08 : speakers[i][a];
+        }
+    for (int k = 0; k < POSITIONS; k++)
+        positions[k] = k / 31.0;
+    y->n_speakers = y->n_microphones = ELEMENTS;
+    if (fill_in(&y->sample_rate_hz, &rate_hz, sizeof rate_hz) ||
+        fill_in(&y->slot_samples, &slot, sizeof slot) ||
+        fill_in(&y->chirp, &chirp, sizeof chirp) ||
+        fill_in(&y->speakers_m, speakers, sizeof speakers) ||
+        fill_in(&y->microphones_m, microphones, sizeof microphones) ||
+        fill_in(&y->stage, &stage, sizeof stage) ||
+        fill_in(&y->stage->positions_m, positions, sizeof positions))
+        return -ENOMEM;
+    return 0;
+}
+
+/* 16 microphones along 1 m of a bumper and 16 speakers between them, at one height; a
+ * slot of 24 ms, for 4 m. */
+static int fill_in_bumper(struct survey_yaml *y)
+{
+    enum { ELEMENTS = 16 };
+    static const double rate_hz = 48000, pitch_m = 1.0 / (ELEMENTS - 0.5);
+    static const uint32_t slot = 1152;
+    static const struct survey_yaml_chirp chirp = {2000, 20000, 0.02, 0, false};
+    double speakers[ELEMENTS][3] = {{0}}, microphones[ELEMENTS][3] = {{0}};
+    for (int i = 0; i < ELEMENTS; i++) {
+        microphones[i][0] = -0.5 + i * pitch_m;
+        speakers[i][0] = microphones[i][0] + pitch_m / 2;
+    }
+    y->n_speakers = y->n_microphones = ELEMENTS;
+    if (fill_in(&y->sample_rate_hz, &rate_hz, sizeof rate_hz) ||
+        fill_in(&y->slot_samples, &slot, sizeof slot) ||
+        fill_in(&y->chirp, &chirp, sizeof chirp) ||
+        fill_in(&y->speakers_m, speakers, sizeof speakers) ||
+        fill_in(&y->microphones_m, microphones, sizeof microphones))
+        return -ENOMEM;
+    return 0;
+}
+
+/* The keys of an array of that name.  0, -ENOMEM. */
+static int fill_in_preset(struct survey_yaml *y, enum scene_array array)
+{
+    switch (array) {
+    case SCENE_PAPER:
+        return fill_in_paper(y);
+    case SCENE_BUMPER:
+        return fill_in_bumper(y);
+    default:
+        return 0;
+    }
+}
+
 static int fill_in_array(struct scene *s, const char *path, struct error *why)
 {
     struct survey_yaml *y = &s->survey;
@@ -241,7 +321,7 @@ static int fill_in_array(struct scene *s, const char *path, struct error *why)
     }
     if (!y->wall && !y->walls)
         return error_say(why, -EINVAL, "%s:1: the key \"wall\" is missing", path);
-    if (scene_fill_in_array(y, s->array) < 0)
+    if (fill_in_preset(y, s->array) < 0)
         return error_say(why, -ENOMEM, "%s: out of memory", path);
     return 0;
 }
@@ -256,15 +336,15 @@ static int fill_in_defaults(struct scene *s)
     static const struct scene_noise noise = {.snr_db = NULL};
     static const struct scene_drift drift = {0};
     static const struct scene_faults faults = {0};
-    if (scene_fill_in(&s->level, &level, sizeof level) ||
-        scene_fill_in(&s->direct_level, &direct, sizeof direct) ||
-        scene_fill_in(&s->wall_sound, &wall, sizeof wall) ||
-        scene_fill_in(&s->clutter, &clutter, sizeof clutter) ||
-        scene_fill_in(&s->microphones, &microphones, sizeof microphones) ||
-        scene_fill_in(&s->errors, &errors, sizeof errors) ||
-        scene_fill_in(&s->noise, &noise, sizeof noise) ||
-        scene_fill_in(&s->drift, &drift, sizeof drift) ||
-        scene_fill_in(&s->faults, &faults, sizeof faults))
+    if (fill_in(&s->level, &level, sizeof level) ||
+        fill_in(&s->direct_level, &direct, sizeof direct) ||
+        fill_in(&s->wall_sound, &wall, sizeof wall) ||
+        fill_in(&s->clutter, &clutter, sizeof clutter) ||
+        fill_in(&s->microphones, &microphones, sizeof microphones) ||
+        fill_in(&s->errors, &errors, sizeof errors) ||
+        fill_in(&s->noise, &noise, sizeof noise) ||
+        fill_in(&s->drift, &drift, sizeof drift) ||
+        fill_in(&s->faults, &faults, sizeof faults))
         return -ENOMEM;
     return 0;
 }
@@ -275,8 +355,7 @@ static int place_objects(struct scene *s)
     for (unsigned i = 0; i < s->n_objects; i++) {
         struct scene_object *o = &s->objects[i];
         if (o->n_path && !o->position_m &&
-            scene_fill_in(&o->position_m, o->path[0].position_m,
-                          sizeof o->path[0].position_m))
+            fill_in(&o->position_m, o->path[0].position_m, sizeof o->path[0].position_m))
             return -ENOMEM;
     }
     return 0;
@@ -299,8 +378,6 @@ int scene_load(struct scene **out, struct survey *survey, const char *path,
         err = error_say(why, -ENOMEM, "%s: out of memory", path);
     if (!err)
         err = scene_check(s, path, why);
-    if (!err)
-        err = scene_check_drive(s, path, why);
     if (!err)
         err = survey_from_yaml(survey, &s->survey, path, why);
     if (err) {

@@ -106,8 +106,9 @@ static void add_noise(struct room_stream *s, uint64_t until)
         uint64_t pass = s->pass, seed = r->scene->seed;
         double t_s = s->cfg.start_s +
                      (double)(s->next_slot * slot_samples) / r->survey.sample_rate_hz;
-        room_add_noise(r, t_s, (uint64_t[]){seed, ROOM_NOISE_STREAM, pass, s->next_slot},
-                       4, at, s->n_line, slot_samples);
+        noise_add(&r->noise, &r->drive, t_s,
+                  (uint64_t[]){seed, ROOM_NOISE_STREAM, pass, s->next_slot}, 4, at,
+                  s->n_line, slot_samples);
         faults_add_noise(&r->faults,
                          (uint64_t[]){seed, pass, ROOM_NOISE_STREAM, s->next_slot},
                          FAULTS_NO_SPEAKER, at, s->n_line, slot_samples);

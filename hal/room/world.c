@@ -7,13 +7,16 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "hal/room/clutter.h"
+#include "hal/random.h"
 #include "hal/room/figure.h"
 #include "hal/room/motion.h"
 #include "hal/room/vector.h"
 #include "hal/survey/place.h"
 
 #define FACETS_PER_WAVELENGTH 2.8 /* of the highest frequency; 2 is the limit */
+#define WALL_REACH_M          1.5 /* on the wall, from the array's foot point */
+
+enum { STREAM_CLUTTER = 1, STREAM_WALL = 2 };
 
 struct builder {
     struct world *world;
@@ -223,6 +226,68 @@ static int add_objects(const struct builder *b, const char *path, struct error *
     return 0;
 }
 
+/* Diffuse patches around the point of the wall that is nearest to the array. */
+static int add_patches(const struct builder *b)
+{
+    const struct scene_wall *wall = b->scene->wall_sound;
+    const struct survey *s = b->survey;
+    static const double up[3] = {0, 1, 0};
+    struct scatter_plane plane;
+    struct random r;
+    double foot[3];
+    random_seed(&r, (uint64_t[]){b->scene->seed, STREAM_WALL}, 2);
+    vector_add(b->centre, s->wall_distance_m - vector_dot(s->wall_normal, b->centre),
+               s->wall_normal, foot);
+    scatter_plane_set(&plane, foot, s->wall_normal, up);
+    for (uint32_t i = 0; i < wall->patches; i++) {
+        double p[3];
+        vector_add(foot, WALL_REACH_M * (2 * random_even(&r) - 1), plane.u, p);
+        vector_add(p, WALL_REACH_M * (2 * random_even(&r) - 1), plane.v, p);
+        vector_add(p, wall->roughness_m * random_normal(&r), s->wall_normal, p);
+        double length_m = wall->scattering_length_m * random_normal(&r);
+        if (mirror_is_at(&b->world->mirror, p) &&
+            scatter_add_point(&b->world->clutter, p, length_m) < 0)
+            return -ENOMEM;
+    }
+    return 0;
+}
+
+/* Anywhere around the array at a distance of near_m to far_m, before the wall. */
+static int add_surroundings(const struct builder *b)
+{
+    const struct scene_clutter *c = b->scene->clutter;
+    const struct survey *s = b->survey;
+    struct random r;
+    random_seed(&r, (uint64_t[]){b->scene->seed, STREAM_CLUTTER}, 2);
+    for (uint32_t i = 0; i < c->points; i++) {
+        double p[3], way[3] = {random_normal(&r), random_normal(&r), random_normal(&r)};
+        vector_normalize(way);
+        vector_add(b->centre, c->near_m + (c->far_m - c->near_m) * random_even(&r), way,
+                   p);
+        if (before_wall(b, p) < 0)
+            vector_mirror(s->wall_normal, s->wall_distance_m, p, p);
+        if (scatter_add_point(&b->world->clutter, p,
+                              c->scattering_length_m * random_normal(&r)) < 0)
+            return -ENOMEM;
+    }
+    return 0;
+}
+
+/* What is heard without the wall's mirror: the roughness of the wall itself, and what
+ * stands around, which the wall may mirror, too. */
+static int add_clutter(const struct builder *b)
+{
+    struct world *w = b->world;
+    int err = add_patches(b);
+    size_t n_patches = w->clutter.n;
+    if (!err)
+        err = add_surroundings(b);
+    if (!err && b->scene->clutter->mirrored && w->clutter.n)
+        w->mirrored = (struct scatter){.n = w->clutter.n - n_patches,
+                                       .pieces = w->clutter.pieces + n_patches};
+    return err;
+}
+
 int world_create(struct world *out, const struct scene *scene, const struct survey *s,
                  const char *path, struct error *why)
 {
@@ -240,14 +305,9 @@ int world_create(struct world *out, const struct scene *scene, const struct surv
     b.pitch_m = s->sound_speed_m_s / fmax(s->chirp_start_hz, s->chirp_stop_hz) /
                 FACETS_PER_WAVELENGTH;
     mirror_set(&out->mirror, s, scene->wall_sound, out->up);
-    size_t n_patches;
     int err = add_objects(&b, path, why);
-    if (!err &&
-        clutter_add(&out->clutter, &n_patches, scene, s, &out->mirror, b.centre) < 0)
+    if (!err && add_clutter(&b) < 0)
         err = error_say(why, -ENOMEM, "%s: out of memory", path);
-    if (!err && scene->clutter->mirrored && out->clutter.n)
-        out->mirrored = (struct scatter){.n = out->clutter.n - n_patches,
-                                         .pieces = out->clutter.pieces + n_patches};
     if (err)
         world_clear(out);
     return err;
