@@ -19,6 +19,7 @@
 #include "nodes/foxglove/parts.h"
 #include "nodes/rt/export.h"
 #include "nodes/rt/list_figures.h"
+#include "nodes/rt/names.h"
 #include "recon/detection/objects.h"
 #include "recon/inverse/symmetric.h"
 
@@ -208,17 +209,12 @@ static void add_ellipsoid(struct arena *a, Foxglove__SceneEntity *e,
 static void add_facts(struct arena *a, Foxglove__SceneEntity *e,
                       const Anlos__DetectionList *list, const Anlos__Detection *d)
 {
-    static const char *const sources[] = {"live", "replay", "simulation"};
-
     part_add_fact(a, e, "existence", arena_print(a, "%.3f", d->existence));
     part_add_fact(a, e, "level_db", arena_print(a, "%.1f", d->level_db));
     part_add_fact(a, e, "mirrored_at_wall",
                   arena_print(a, "%s", list->mirrored ? "true" : "false"));
     part_add_fact(a, e, "scan", arena_print(a, "%u", list->scan));
-    part_add_fact(
-        a, e, "source",
-        arena_print(a, "%s",
-                    (unsigned)list->source < 3 ? sources[list->source] : "unknown"));
+    part_add_fact(a, e, "source", arena_print(a, "%s", name_of_source(list->source)));
 }
 
 static bool has_velocity(const Anlos__DetectionList *list, const Anlos__Detection *d)
@@ -245,19 +241,13 @@ static void add_arrow(struct arena *a, Foxglove__SceneEntity *e,
                        part_colour(a, green, is_predicted(d) ? 0.4 : 1.0));
 }
 
-static const char *shape_name(Anlos__Shape shape)
-{
-    static const char *const shapes[] = {"", "point", "plate", "extended"};
-    return (unsigned)shape < 4 ? shapes[shape] : "";
-}
-
 /* "3  extended  99%  1.2 m/s", of what is unseen for how long; without tracks the level
  * stands for what is known of the motion. */
 static char *label(struct arena *a, const Anlos__DetectionList *list,
                    const Anlos__Detection *d)
 {
     const char *mirrored = list->mirrored ? "" : "  mirrored";
-    const char *shape = shape_name(d->shape), *gap = shape[0] ? "  " : "";
+    const char *shape = name_of_shape(d->shape), *gap = shape[0] ? "  " : "";
 
     if (!list->tracked)
         return arena_print(a, "%u  %.0f%%  %.0f dB%s", d->id, 100.0 * d->existence,
@@ -275,7 +265,7 @@ static char *label(struct arena *a, const Anlos__DetectionList *list,
 static void add_track_facts(struct arena *a, Foxglove__SceneEntity *e,
                             const Anlos__Detection *d)
 {
-    part_add_fact(a, e, "shape", arena_print(a, "%s", shape_name(d->shape)));
+    part_add_fact(a, e, "shape", arena_print(a, "%s", name_of_shape(d->shape)));
     part_add_fact(a, e, "age_s", arena_print(a, "%.1f", d->age_s));
     part_add_fact(a, e, "unseen_s", arena_print(a, "%.1f", d->unseen_s));
     part_add_fact(a, e, "wall", arena_print(a, "%u", d->wall));
@@ -540,8 +530,7 @@ static Foxglove__SceneEntity *draw_told_wall(struct arena *a, const struct setti
                                              const struct wall *wall,
                                              const Anlos__Wall *m, int64_t t_ns)
 {
-    static const char *const origins[] = {"configured", "given", "estimated"};
-    const char *origin = (unsigned)m->origin < 3 ? origins[m->origin] : "unknown";
+    const char *origin = name_of_wall_origin(m->origin);
     Foxglove__SceneEntity *e = draw_wall(
         a, s, wall, arena_print(a, "wall %u", m->id),
         arena_print(a, "wall %u  %s  %.0f%%", m->id, origin, 100.0 * m->existence), t_ns);

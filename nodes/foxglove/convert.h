@@ -17,7 +17,7 @@ typedef int (*foxglove_convert)(struct arena *a, const struct setting *s,
                                 const struct foxglove_message *m, ProtobufCMessage **out);
 
 /* "volume" to foxglove.PointCloud: x, y, z in m and intensity in dB of the brightest
- * voxel, of those that stand out (cloud.h). */
+ * voxel, of those that stand out. */
 int convert_cloud(struct arena *a, const struct setting *s,
                   const struct foxglove_message *m, ProtobufCMessage **out);
 

@@ -9,6 +9,7 @@
 #include "msgs/convert.h"
 #include "nodes/rt/export.h"
 #include "nodes/rt/export_plan.h"
+#include "nodes/rt/names.h"
 
 #define STEP_NS  150000000LL   /* of trails, which have TRAILS_MAX_POINTS */
 #define AGAIN_NS 10000000000LL /* an id that comes back later is another track's */
@@ -138,7 +139,7 @@ static json_t *track_json(const struct logbook *d, const struct logbook_track *k
     json_t *o = json_object();
 
     json_object_set_new(o, "id", json_integer(k->id));
-    json_object_set_new(o, "class", json_string(export_class(k->shape)));
+    json_object_set_new(o, "class", json_string(name_of_shape(k->shape)));
     json_object_set_new(o, "first_s", seconds(d, k->first_ns));
     json_object_set_new(o, "last_s", seconds(d, k->last_ns));
     json_object_set_new(o, "from_m", export_reals(k->from_m, 3));
@@ -155,12 +156,10 @@ static json_t *track_json(const struct logbook *d, const struct logbook_track *k
 
 static json_t *wall_json(const Anlos__Wall *w)
 {
-    static const char *const origins[] = {"configured", "given", "estimated"};
     json_t *o = json_object();
 
     json_object_set_new(o, "id", json_integer(w->id));
-    json_object_set_new(
-        o, "from", json_string((unsigned)w->origin < 3 ? origins[w->origin] : "unknown"));
+    json_object_set_new(o, "from", json_string(name_of_wall_origin(w->origin)));
     json_object_set_new(
         o, "normal",
         export_reals((const double[]){w->normal->x, w->normal->y, w->normal->z}, 3));
@@ -214,7 +213,7 @@ int logbook_picture(const struct logbook *d, const char *folder, const struct gr
         tracks[picture.n_tracks++] =
             (struct plan_track){.id = k->id,
                                 .velocity_m_s = {k->velocity_m_s[0], k->velocity_m_s[1]},
-                                .class = export_class(k->shape)};
+                                .class = name_of_shape(k->shape)};
     }
     return export_plan(folder, "plan.png", &picture, why);
 }

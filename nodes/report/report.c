@@ -12,6 +12,7 @@
 #include "msgs/topics.h"
 #include "nodes/rt/export.h"
 #include "nodes/rt/export_plan.h"
+#include "nodes/rt/names.h"
 #include "recon/processing.h"
 
 int report_hosts_take(struct report_hosts *h, const Anlos__HostStatus *status)
@@ -101,20 +102,6 @@ static const char *scan_state_name(Anlos__ScanStatus__State state)
         return "paused";
     default:
         return "failed";
-    }
-}
-
-static const char *health_state_name(Anlos__Health__State state)
-{
-    switch (state) {
-    case ANLOS__HEALTH__STATE__STARTING:
-        return "starting";
-    case ANLOS__HEALTH__STATE__READY:
-        return "ready";
-    case ANLOS__HEALTH__STATE__DEGRADED:
-        return "degraded";
-    default:
-        return "fault";
     }
 }
 
@@ -213,7 +200,7 @@ static json_t *node(const struct report_node *n)
     json_t *o = json_object(), *topics = json_array(), *device = json_object();
 
     json_object_set_new(o, "node", json_string(h->node));
-    json_object_set_new(o, "state", json_string(health_state_name(h->state)));
+    json_object_set_new(o, "state", json_string(name_of_health_state(h->state)));
     json_object_set_new(o, "text", json_string(h->text));
     json_object_set_new(o, "priority", json_string(h->priority));
     json_object_set_new(o, "restarts", integer(n->restarts));

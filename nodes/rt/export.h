@@ -57,9 +57,6 @@ int export_projection_png(size_t which, const struct grid *grid, const float *in
                           const Anlos__DetectionList *detections, uint8_t **png,
                           size_t *size);
 
-/* "" (not known), "point", "plate", "extended". */
-const char *export_class(Anlos__Shape shape);
-
 /* null, or how the echo came and which objects made it. */
 json_t *export_multipath(const Anlos__Detection *d);
 

@@ -7,6 +7,7 @@
 
 #include "nodes/rt/export_file.h"
 #include "nodes/rt/json_whole.h"
+#include "nodes/rt/names.h"
 #include "recon/detection/objects.h"
 
 json_t *export_real(double value)
@@ -45,22 +46,9 @@ static json_t *vec3(const Anlos__Vec3 *v)
     return export_reals((const double[]){v->x, v->y, v->z}, 3);
 }
 
-const char *export_class(Anlos__Shape shape)
-{
-    static const char *const names[] = {"", "point", "plate", "extended"};
-    return (unsigned)shape < sizeof names / sizeof names[0] ? names[shape] : "";
-}
-
-static const char *measurement_name(Anlos__Measurement measurement)
-{
-    static const char *const names[] = {"new", "measured", "predicted", "deleted"};
-    return (unsigned)measurement < sizeof names / sizeof names[0] ? names[measurement]
-                                                                  : "unknown";
-}
-
 static void add_track(json_t *o, const Anlos__Detection *d)
 {
-    json_object_set_new(o, "state", json_string(measurement_name(d->measurement)));
+    json_object_set_new(o, "state", json_string(name_of_measurement(d->measurement)));
     json_object_set_new(o, "velocity_m_s",
                         export_reals(d->velocity_m_s, d->n_velocity_m_s));
     json_object_set_new(o, "age_s", export_real(d->age_s));
@@ -123,7 +111,7 @@ static json_t *detection(const Anlos__Detection *d, bool tracked)
     json_object_set_new(o, "in_free_view", json_boolean(d->in_free_view));
     json_object_set_new(o, "height_assumed", json_boolean(d->height_assumed));
     json_object_set_new(o, "at_border", borders(d->at_border));
-    json_object_set_new(o, "class", json_string(export_class(d->shape)));
+    json_object_set_new(o, "class", json_string(name_of_shape(d->shape)));
     if (tracked)
         add_track(o, d);
     return o;
@@ -145,20 +133,6 @@ static json_t *views(const Anlos__DetectionList *list)
     return all;
 }
 
-static const char *source_name(Anlos__Source source)
-{
-    switch (source) {
-    case ANLOS__SOURCE__LIVE:
-        return "live";
-    case ANLOS__SOURCE__REPLAY:
-        return "replay";
-    case ANLOS__SOURCE__SIMULATION:
-        return "simulation";
-    default:
-        return "unknown";
-    }
-}
-
 int export_detections(const char *folder, const Anlos__DetectionList *list,
                       struct error *why)
 {
@@ -166,7 +140,7 @@ int export_detections(const char *folder, const Anlos__DetectionList *list,
     json_object_set_new(o, "scan", json_integer(list->scan));
     json_object_set_new(o, "counter", json_integer(list->counter));
     json_object_set_new(o, "preview", json_boolean(list->preview));
-    json_object_set_new(o, "source", json_string(source_name(list->source)));
+    json_object_set_new(o, "source", json_string(name_of_source(list->source)));
     json_object_set_new(o, "frame",
                         json_string(list->in_vehicle_frame ? "vehicle" : "array"));
     json_object_set_new(o, "tracked", json_boolean(list->tracked));

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "nodes/rt/export.h"
-#include "nodes/view/names.h"
+#include "nodes/rt/names.h"
 #include "recon/detection/objects.h"
 
 static json_t *pair(const double p[2])

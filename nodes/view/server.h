@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /* nodes/view/server.h -- the web server: the page, which is built into the program, and
- * its WebSockets: "/live" for the page (live.h), "/" for Foxglove
+ * its WebSockets: "/live" for the page, "/" for Foxglove
  * (nodes/foxglove/server.h).  It serves no files. */
 #ifndef ANLOS_NODES_VIEW_SERVER_H
 #define ANLOS_NODES_VIEW_SERVER_H

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "nodes/view/names.h"
+#include "nodes/rt/names.h"
 
 #include <stddef.h>
 
@@ -57,7 +57,7 @@ const char *name_of_measurement(Anlos__Measurement measurement)
 const char *name_of_shape(Anlos__Shape shape)
 {
     static const char *const names[] = {"", "point", "plate", "extended"};
-    return NAME(names, shape);
+    return (unsigned)shape < sizeof names / sizeof *names ? names[shape] : "";
 }
 
 const char *name_of_wall_origin(Anlos__Wall__Origin origin)
