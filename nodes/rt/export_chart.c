@@ -289,16 +289,10 @@ static cairo_status_t draw(cairo_surface_t *surface, const struct chart *c,
     return status;
 }
 
-static cairo_status_t write_bytes(void *to, const unsigned char *data, unsigned size)
-{
-    return fwrite(data, 1, size, to) == size ? CAIRO_STATUS_SUCCESS
-                                             : CAIRO_STATUS_WRITE_ERROR;
-}
-
 static cairo_status_t write_svg(FILE *f, const struct chart *c)
 {
     cairo_surface_t *s =
-        cairo_svg_surface_create_for_stream(write_bytes, f, page_width(c), HEIGHT);
+        cairo_svg_surface_create_for_stream(ink_write, f, page_width(c), HEIGHT);
     cairo_status_t status = draw(s, c, 1.0);
     cairo_surface_finish(s);
     if (status == CAIRO_STATUS_SUCCESS)
@@ -313,7 +307,7 @@ static cairo_status_t write_png(FILE *f, const struct chart *c)
         CAIRO_FORMAT_RGB24, (int)(FINENESS * page_width(c)), (int)(FINENESS * HEIGHT));
     cairo_status_t status = draw(s, c, FINENESS);
     if (status == CAIRO_STATUS_SUCCESS)
-        status = cairo_surface_write_to_png_stream(s, write_bytes, f);
+        status = cairo_surface_write_to_png_stream(s, ink_write, f);
     cairo_surface_destroy(s);
     return status;
 }

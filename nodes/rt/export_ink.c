@@ -32,7 +32,7 @@ int ink_digits(double step)
     return (int)fmax(0.0, ceil(-log10(step) - 1e-9));
 }
 
-static cairo_status_t write_bytes(void *to, const unsigned char *data, unsigned size)
+cairo_status_t ink_write(void *to, const unsigned char *data, unsigned size)
 {
     return fwrite(data, 1, size, to) == size ? CAIRO_STATUS_SUCCESS
                                              : CAIRO_STATUS_WRITE_ERROR;
@@ -47,7 +47,7 @@ int ink_png(const char *folder, const char *name, cairo_surface_t *surface,
     if (err)
         return err;
     errno = 0;
-    cairo_status_t status = cairo_surface_write_to_png_stream(surface, write_bytes, e.f);
+    cairo_status_t status = cairo_surface_write_to_png_stream(surface, ink_write, e.f);
     if (status == CAIRO_STATUS_NO_MEMORY)
         return export_file_abandon(&e, -ENOMEM, why);
     if (status != CAIRO_STATUS_SUCCESS)

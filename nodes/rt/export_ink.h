@@ -20,6 +20,9 @@ double ink_tick_step(double span, double n);
 /* Decimals that tell such ticks apart. */
 int ink_digits(double step);
 
+/* A cairo_write_func_t: what cairo writes goes to the FILE `to`. */
+cairo_status_t ink_write(void *to, const unsigned char *data, unsigned size);
+
 /* Writes FOLDER/NAME.  0, -ENOMEM (without an error), other negative errno. */
 int ink_png(const char *folder, const char *name, cairo_surface_t *surface,
             struct error *why);
