@@ -91,6 +91,11 @@ static int system_sleep_until_ns(void *state, int64_t t_ns)
     return -clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &at, NULL);
 }
 
+int64_t clock_monotonic_ns(void)
+{
+    return read_ns(CLOCK_MONOTONIC);
+}
+
 const struct clock_source *clock_system(void)
 {
     static const struct clock_source system = {system_now_ns, system_sleep_until_ns,

@@ -21,6 +21,9 @@ struct clock_source {
  */
 const struct clock_source *clock_system(void);
 
+/* CLOCK_MONOTONIC, for deadlines and rates of one process: no time of the system's. */
+int64_t clock_monotonic_ns(void);
+
 /* The processes that this one starts from now on count as it does, whatever becomes of
  * the wall clock in between: ANLOS_CLOCK in their environment, "PID:NS" with the process
  * whose children it is for, so that it means nothing to others or on another machine.

@@ -15,6 +15,8 @@
 #include <time.h>
 #include <zmq.h>
 
+#include "msgs/monotonic.h"
+
 #define DOMAIN       "anlos"
 #define ZAP_ENDPOINT "inproc://zeromq.zap.01"
 #define MAX_GUARDED  64 /* sockets; each is replaced when the peers change */
@@ -72,13 +74,6 @@ struct request { /* to the thread */
         monitor; /* to be watched from now on; NULL: the socket was bound again, or not */
     int err;
 };
-
-static int64_t monotonic_ms(void)
-{
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (int64_t)t.tv_sec * 1000 + t.tv_nsec / 1000000;
-}
 
 __attribute__((format(printf, 3, 4))) static void
 report(struct authenticator *a, enum kind kind, const char *format, ...)

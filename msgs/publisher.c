@@ -14,6 +14,7 @@
 
 #include "msgs/discovery.h"
 #include "msgs/endpoint.h"
+#include "msgs/monotonic.h"
 #include "msgs/pace.h"
 
 #define AWAIT_MS           2000 /* for who must have everything, and is late or hangs */
@@ -32,13 +33,6 @@ struct publisher {
     struct remote_publisher *remote; /* NULL: nobody on another machine */
     struct reliable_publisher *reliable;
 };
-
-static int64_t monotonic_ns(void)
-{
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (int64_t)t.tv_sec * 1000000000 + t.tv_nsec;
-}
 
 /* What the kernel keeps of a connection: asked of a socket like nanomsg's, which does not
  * show its own.  The kernel doubles what it grants, for its own use. */

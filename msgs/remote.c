@@ -11,6 +11,8 @@
 #include <time.h>
 #include <zmq.h>
 
+#include "msgs/monotonic.h"
+
 #define KEEPALIVE_IDLE_S     2 /* a probe each second, after so long without a word */
 #define KEEPALIVE_INTERVAL_S 1
 #define CONNECT_MS           3000
@@ -200,13 +202,6 @@ int remote_bind(struct remote_publisher **out, const struct remote *r, const cha
                                     : "");
     remote_close(o);
     return err;
-}
-
-static int64_t monotonic_ms(void)
-{
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (int64_t)t.tv_sec * 1000 + t.tv_nsec / 1000000;
 }
 
 static int bind_again(struct remote_publisher *o, int tries)

@@ -16,6 +16,7 @@
 
 #include "msgs/discovery.h"
 #include "msgs/endpoint.h"
+#include "msgs/monotonic.h"
 #include "msgs/subscription.h"
 
 #define MAX_TOPICS 32
@@ -162,13 +163,6 @@ static void listen_reliably(struct subscriber *in, struct subscription *subscrip
     while (subscription->reliable &&
            (data = reliable_subscription_receive(subscription->reliable, &size)))
         accept_message(in, subscription, data, size);
-}
-
-static int64_t monotonic_ms(void)
-{
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (int64_t)t.tv_sec * 1000 + t.tv_nsec / 1000000;
 }
 
 /* When it is time.  How long then may be waited, in ms. */

@@ -126,6 +126,15 @@ const char *const *topics_nodes(void)
     return nodes;
 }
 
+bool topics_have_node(const char *name)
+{
+    const char *const *n = topics_nodes();
+
+    while (*n && strcmp(*n, name))
+        n++;
+    return *n;
+}
+
 const char *topic_publisher(const struct topic *t, size_t i)
 {
     const char *const *list = t->publishers;

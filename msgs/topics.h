@@ -31,6 +31,7 @@ const struct topic *topics_find(const char *name);
 
 /* The names of all nodes; ends with NULL. */
 const char *const *topics_nodes(void);
+bool topics_have_node(const char *name);
 
 /* The i-th publisher of a topic, "*" resolved to every node; NULL: no more. */
 const char *topic_publisher(const struct topic *t, size_t i);

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "dsp/rank.h"
 #include "hal/recording/riff.h"
 
 #define PIECE    256  /* samples that are transformed at once */
@@ -88,12 +89,6 @@ static void add_piece(const float *x, const double *wave, double *power)
     }
 }
 
-static int by_value(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 /* The power density at the band's edges, from power[1..PIECE / 2 - 1]. */
 static double edge_power(const double *power)
 {
@@ -104,8 +99,7 @@ static double edge_power(const double *power)
     for (size_t b = 1; b < PIECE / 2; b++)
         if (power[b] > FAINTEST * most)
             sound[n++] = power[b];
-    qsort(sound, n, sizeof *sound, by_value);
-    return n ? EDGE * sound[n / 2] : 0.0;
+    return n ? EDGE * rank_double(sound, n, n / 2 + 1) : 0.0;
 }
 
 int replica_band(const float *x, size_t n, double sample_rate_hz, double band_hz[2])

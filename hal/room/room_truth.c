@@ -59,26 +59,14 @@ static bool sight_clear(const double (*outline)[2], size_t n, const double a[3],
     return true;
 }
 
-/* The middle of the array's elements over ground. */
-static void array_centre(const struct room *r, const struct drive_frame *frame,
-                         double out[3])
-{
-    const struct survey *s = &r->survey;
-    double p[3] = {0, 0, 0};
-    for (size_t i = 0; i < s->n_speakers; i++)
-        vector_add(p, 0.5 / (double)s->n_speakers, s->speakers_m[i], p);
-    for (size_t i = 0; i < s->n_microphones; i++)
-        vector_add(p, 0.5 / (double)s->n_microphones, s->microphones_m[i], p);
-    drive_to_ground(frame, p, out);
-}
-
 /* Does nothing stand between an object's centre and the array's? */
 static bool sees(const struct room *r, size_t object, double t_s)
 {
     struct drive_frame frame;
     double array[3], centre[3], velocity[3], extent[3];
     drive_frame(&r->drive, t_s, &frame);
-    array_centre(r, &frame, array);
+    world_array_centre(&r->survey, array);
+    drive_to_ground(&frame, array, array);
     traffic_object(&r->traffic, object, t_s, centre, velocity, extent);
     return sight_clear((const double(*)[2])r->scene->building, r->scene->n_building,
                        array, centre);

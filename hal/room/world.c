@@ -27,14 +27,20 @@ struct builder {
     double pitch_m;
 };
 
-static void array_centre(const struct survey *s, double out[3])
+void world_array_centre(const struct survey *s, double out[3])
 {
-    double stage = 0;
     memset(out, 0, 3 * sizeof *out);
     for (size_t i = 0; i < s->n_speakers; i++)
         vector_add(out, 0.5 / (double)s->n_speakers, s->speakers_m[i], out);
     for (size_t i = 0; i < s->n_microphones; i++)
         vector_add(out, 0.5 / (double)s->n_microphones, s->microphones_m[i], out);
+}
+
+/* The same over all of the stage. */
+static void scan_centre(const struct survey *s, double out[3])
+{
+    double stage = 0;
+    world_array_centre(s, out);
     for (size_t k = 0; k < s->n_positions; k++)
         stage += s->stage_positions_m[k] / (double)s->n_positions;
     vector_add(out, stage, s->stage_axis, out);
@@ -300,7 +306,7 @@ int world_create(struct world *out, const struct scene *scene, const struct surv
         return error_say(why, -ENOMEM, "%s: out of memory", path);
     }
     scene_up(s, out->up);
-    array_centre(s, b.centre);
+    scan_centre(s, b.centre);
     vector_mirror(s->wall_normal, s->wall_distance_m, b.centre, b.image);
     b.pitch_m = s->sound_speed_m_s / fmax(s->chirp_start_hz, s->chirp_stop_hz) /
                 FACETS_PER_WAVELENGTH;

@@ -32,4 +32,7 @@ int world_create(struct world *out, const struct scene *scene, const struct surv
                  const char *path, struct error *why);
 void world_clear(struct world *w);
 
+/* The middle of the elements, speakers and microphones alike, where the stage is at 0. */
+void world_array_centre(const struct survey *s, double out[3]);
+
 #endif

@@ -8,6 +8,8 @@
 #include <string.h>
 #include <time.h>
 
+#include "hal/clock.h"
+
 #define NS_PER_S INT64_C(1000000000)
 #define SPIN_NS  20000  /* shorter waits are not worth a sleep */
 #define WAKE_NS  200000 /* poll wakes so much early, the timer does the rest */
@@ -15,11 +17,8 @@
 
 static int64_t gpio_now_ns(void *state)
 {
-    struct timespec t;
-
     (void)state;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (int64_t)t.tv_sec * NS_PER_S + t.tv_nsec;
+    return clock_monotonic_ns();
 }
 
 static struct timespec timespec_of(int64_t ns)

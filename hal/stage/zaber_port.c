@@ -17,6 +17,8 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "hal/clock.h"
+
 /* Lines of text over a serial port: 8 data bits, no parity, one stop bit, no flow
  * control. */
 
@@ -32,15 +34,6 @@ struct serial {
     char bytes[64]; /* read and not looked at yet */
     size_t next, end;
 };
-
-/* CLOCK_MONOTONIC, for the deadlines. */
-static int64_t serial_now_ns(void)
-{
-    struct timespec t;
-
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (int64_t)t.tv_sec * 1000000000 + t.tv_nsec;
-}
 
 static speed_t speed_of(unsigned baud)
 {
@@ -118,7 +111,7 @@ static int wait_for(const struct serial *s, short events, int64_t deadline_ns)
 {
     for (;;) {
         struct pollfd p = {.fd = s->fd, .events = events};
-        int64_t left_ms = (deadline_ns - serial_now_ns() + 999999) / 1000000;
+        int64_t left_ms = (deadline_ns - clock_monotonic_ns() + 999999) / 1000000;
         int n = poll(&p, 1, left_ms > 0 ? (int)left_ms : 0);
         if (n < 0 && errno != EINTR)
             return -errno;
@@ -126,7 +119,7 @@ static int wait_for(const struct serial *s, short events, int64_t deadline_ns)
             return 0;
         if (n > 0)
             return -ENODEV;
-        if (serial_now_ns() >= deadline_ns)
+        if (clock_monotonic_ns() >= deadline_ns)
             return -ETIMEDOUT;
     }
 }
@@ -134,7 +127,7 @@ static int wait_for(const struct serial *s, short events, int64_t deadline_ns)
 /* 0, -EIO, -ENODEV (unplugged), -ETIMEDOUT (the other end takes nothing). */
 static int serial_write(struct serial *s, const char *text, size_t n)
 {
-    int64_t deadline_ns = serial_now_ns() + WRITE_MS * INT64_C(1000000);
+    int64_t deadline_ns = clock_monotonic_ns() + WRITE_MS * INT64_C(1000000);
 
     while (n) {
         int err = wait_for(s, POLLOUT, deadline_ns);
@@ -268,7 +261,7 @@ static bool is_answer(struct zaber_port *p, struct zaber_message *m, const char 
 
 static int await(struct zaber_port *p, double timeout_s, struct zaber_message *reply)
 {
-    int64_t deadline_ns = serial_now_ns() + (int64_t)(1e9 * timeout_s);
+    int64_t deadline_ns = clock_monotonic_ns() + (int64_t)(1e9 * timeout_s);
     char line[SERIAL_LINE_SIZE];
 
     for (;;) {

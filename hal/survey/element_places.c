@@ -8,6 +8,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "dsp/rank.h"
+
 #define BIWEIGHT      4.685 /* of Tukey: 95 % as good as least squares on a normal */
 #define MAD_TO_SIGMA  1.4826
 #define LEAST_SIGMA_M 5e-5 /* arrivals are not believed to be better */
@@ -203,19 +205,12 @@ static int evaluate(void *user, int m, int n, const double *x, double *residuals
     return 0;
 }
 
-static int ascending(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 /* 1.48 times the median deviation from 0. */
 static double spread_m(const double *residuals_m, size_t n, double *scratch)
 {
     for (size_t i = 0; i < n; i++)
         scratch[i] = fabs(residuals_m[i]);
-    qsort(scratch, n, sizeof *scratch, ascending);
-    return fmax(MAD_TO_SIGMA * scratch[n / 2], LEAST_SIGMA_M);
+    return fmax(MAD_TO_SIGMA * rank_double(scratch, n, n / 2 + 1), LEAST_SIGMA_M);
 }
 
 static double biweight(double deviation)

@@ -10,7 +10,7 @@
 
 #include "msgs/bag/catalog.h"
 #include "msgs/bag/compression.h"
-#include "msgs/bag/section.h"
+#include "msgs/bag/record.h"
 
 /* What the parts of the check share. */
 

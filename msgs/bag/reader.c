@@ -7,7 +7,6 @@
 #include <string.h>
 
 #include "msgs/bag/file.h"
-#include "msgs/bag/section.h"
 
 struct bag_reader {
     struct bag_file file;

@@ -8,6 +8,8 @@
 #ifndef ANLOS_MSGS_BAG_RECORD_H
 #define ANLOS_MSGS_BAG_RECORD_H
 
+#include <stdbool.h>
+
 #include "msgs/bag/bytes.h"
 
 #define BAG_MAGIC            "\x89MCAP0\r\n"
@@ -166,5 +168,22 @@ const char *bag_opcode_name(uint8_t opcode);
 /* The format's checksum (CRC-32 of zlib), continued from one of what came before, or 0.
  */
 uint32_t bag_crc(uint32_t before, struct bytes what);
+
+/* Which records may stand where in a bag. */
+enum bag_section {
+    BAG_AT_START,   /* after the magic: the header */
+    BAG_IN_DATA,    /* up to the data end */
+    BAG_IN_SUMMARY, /* up to the footer */
+    BAG_AT_END,     /* the closing magic */
+};
+
+/* The opcode is a known one. */
+bool bag_section_allows(enum bag_section section, uint8_t opcode);
+
+/* Where the file is after a record with that opcode. */
+enum bag_section bag_section_after(enum bag_section section, uint8_t opcode);
+
+/* May it stand in a chunk? */
+bool bag_chunk_allows(uint8_t opcode);
 
 #endif

@@ -12,7 +12,7 @@
 #include "msgs/bag/compression.h"
 #include "msgs/bag/copy.h"
 #include "msgs/bag/file.h"
-#include "msgs/bag/section.h"
+#include "msgs/bag/record.h"
 #include "msgs/bag/writer.h"
 
 /* Finds whole records in a file whose bytes cannot be trusted. */

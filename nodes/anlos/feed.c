@@ -14,6 +14,7 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "hal/clock.h"
 #include "msgs/bus.h"
 #include "msgs/endpoint.h"
 #include "nodes/rt/log_history.h"
@@ -36,14 +37,6 @@ struct feed {
     uint64_t malformed;
     struct table table; /* of feed_is_ready */
 };
-
-int64_t feed_now_ns(void)
-{
-    struct timespec t;
-
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (int64_t)t.tv_sec * 1000000000 + t.tv_nsec;
-}
 
 static double own_cpu_s(void)
 {
@@ -90,10 +83,10 @@ static void look_who_lives(struct feed *f)
     f->alive = f->blind = !f->locks.n && feed_answers(f->run_dir);
     for (size_t i = 0; names[i]; i++) {
         enum presence presence = presence_of(&f->locks, f->run_dir, names[i]);
-        collector_presence(f->collector, names[i], presence, feed_now_ns());
+        collector_presence(f->collector, names[i], presence, clock_monotonic_ns());
         f->alive |= presence == PRESENCE_ALIVE;
     }
-    f->look_due_ns = feed_now_ns() + LOOK_NS;
+    f->look_due_ns = clock_monotonic_ns() + LOOK_NS;
 }
 
 int feed_open(struct feed **out, const char *run_dir, struct error *why)
@@ -111,7 +104,7 @@ int feed_open(struct feed **out, const char *run_dir, struct error *why)
         return err;
     }
     f->own_cpu = NAN;
-    f->own_since_ns = feed_now_ns();
+    f->own_since_ns = clock_monotonic_ns();
     f->own_since_s = own_cpu_s();
     look_who_lives(f);
     *out = f;
@@ -130,7 +123,7 @@ int feed_listen(struct feed *f, struct error *why)
         if (err)
             error_say(why, err, "topic %s: %s", wanted[i]->name, strerror(-err));
     }
-    f->history_due_ns = feed_now_ns() + LOG_HISTORY_READ_NS;
+    f->history_due_ns = clock_monotonic_ns() + LOG_HISTORY_READ_NS;
     return err;
 }
 
@@ -149,7 +142,7 @@ static void take_message(struct feed *f, const struct bus_message *m)
     }
     if (m->topic == topic_health())
         collector_health(f->collector, (const Anlos__Health *)content,
-                         m->envelope.epoch_ns, feed_now_ns());
+                         m->envelope.epoch_ns, clock_monotonic_ns());
     else if (m->topic == topic_scan_status())
         collector_scan(f->collector, (const Anlos__ScanStatus *)content);
     else if (m->topic == topic_detections())
@@ -179,7 +172,7 @@ static void take_line(void *ctx, const Anlos__Log *line)
 int feed_take(struct feed *f)
 {
     struct bus_message m;
-    int64_t now_ns = feed_now_ns();
+    int64_t now_ns = clock_monotonic_ns();
     int err;
 
     while (!(err = bus_receive(f->bus, &m, 0))) {
@@ -198,7 +191,7 @@ int feed_take(struct feed *f)
 
 void feed_table(struct feed *f, struct table *out)
 {
-    collector_table(f->collector, feed_now_ns(), out);
+    collector_table(f->collector, clock_monotonic_ns(), out);
     snprintf(out->run_dir, sizeof out->run_dir, "%s", f->run_dir);
     out->own_cpu = f->own_cpu;
     out->own_refused = f->malformed + (f->bus ? bus_refused(f->bus) : 0);
@@ -285,7 +278,7 @@ static int listen_for_all(struct feed *f, struct census *c,
                           const struct census_config *cfg)
 {
     bool sees_all = f->hosts.n <= 1 && !f->blind;
-    int64_t began_ns = feed_now_ns(), now_ns = began_ns;
+    int64_t began_ns = clock_monotonic_ns(), now_ns = began_ns;
 
     while (now_ns < began_ns + LONGEST_NS) {
         struct pollfd p = {.fd = feed_fd(f), .events = POLLIN};
@@ -295,7 +288,7 @@ static int listen_for_all(struct feed *f, struct census *c,
             return err;
         if (cfg->stop && cfg->stop())
             return -EINTR;
-        now_ns = feed_now_ns();
+        now_ns = clock_monotonic_ns();
         feed_table(f, &c->table);
         if (is_complete(c, cfg) && (sees_all || now_ns > began_ns + SHORTEST_NS))
             break;

@@ -34,8 +34,6 @@ bool feed_is_anybody(struct feed *f);
 bool feed_is_ready(struct feed *f);
 void feed_close(struct feed *f);
 
-int64_t feed_now_ns(void); /* the clock of rates and silences: monotonic */
-
 /* Does anybody publish in the folder?  Tries each socket in it. */
 bool feed_answers(const char *run_dir);
 

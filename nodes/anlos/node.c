@@ -330,15 +330,6 @@ static int print(const struct census *c, const struct census_node *one,
     return EXIT_FAILED;
 }
 
-static bool is_node(const char *name)
-{
-    const char *const *n = topics_nodes();
-
-    while (*n && strcmp(*n, name))
-        n++;
-    return *n;
-}
-
 static int run(const char *node, const char *asked_dir, bool json)
 {
     char run_dir[RUNDIR_SIZE];
@@ -388,10 +379,10 @@ int command_node(int argc, char **argv)
     if (n_names != 1)
         return usage_error("node", "info: expected one node");
     const char *near = usage_nearest(argv[optind + 1], topics_nodes());
-    if (!is_node(argv[optind + 1]) && near)
+    if (!topics_have_node(argv[optind + 1]) && near)
         return usage_error("node", "%s: no such node; did you mean %s?", argv[optind + 1],
                            near);
-    if (!is_node(argv[optind + 1]))
+    if (!topics_have_node(argv[optind + 1]))
         return usage_error("node", "%s: no such node; 'anlos node list' has their names",
                            argv[optind + 1]);
     return run(argv[optind + 1], run_dir, json);

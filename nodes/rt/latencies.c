@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "nodes/rt/latencies.h"
 
-#include <stdlib.h>
+#include "dsp/rank.h"
 
 static const struct latency_track *find(const struct latencies *l, const struct topic *t,
                                         bool published)
@@ -36,30 +36,22 @@ void latencies_add(struct latencies *l, const struct topic *t, bool published,
             .at_ns = now_ns, .s = 1e-9 * (double)(now_ns - capture_ns)};
 }
 
-static int compare(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-
-    return (x > y) - (x < y);
-}
-
 struct latency_summary latencies_summarise(const struct latencies *l,
                                            const struct topic *t, bool published,
                                            int64_t now_ns)
 {
     const struct latency_track *track = find(l, t, published);
     size_t held = !track ? 0 : track->n < LATENCIES_DEPTH ? track->n : LATENCIES_DEPTH;
-    double sorted[LATENCIES_DEPTH];
+    double ranked[LATENCIES_DEPTH];
     size_t n = 0;
 
     for (size_t i = 0; i < held; i++)
         if (track->ring[i].at_ns <= now_ns &&
             track->ring[i].at_ns > now_ns - LATENCIES_WINDOW_NS)
-            sorted[n++] = track->ring[i].s;
+            ranked[n++] = track->ring[i].s;
     if (!n)
         return (struct latency_summary){0};
-    qsort(sorted, n, sizeof sorted[0], compare);
     return (struct latency_summary){.n = n,
-                                    .median_s = sorted[(n + 1) / 2 - 1],
-                                    .p99_s = sorted[(99 * n + 99) / 100 - 1]};
+                                    .median_s = rank_double(ranked, n, (n + 1) / 2),
+                                    .p99_s = rank_double(ranked, n, (99 * n + 99) / 100)};
 }

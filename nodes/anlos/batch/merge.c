@@ -42,13 +42,6 @@ struct merge {
     json_t *tags;             /* an object, in the order in which they came */
 };
 
-static const char *text_of(const json_t *o, const char *key)
-{
-    const char *text = json_string_value(json_object_get(o, key));
-
-    return text ? text : "";
-}
-
 static int out_of_memory(struct error *why)
 {
     return error_say(why, -ENOMEM, "out of memory");
@@ -73,7 +66,7 @@ static int add_row(struct merge *m, const char *job, size_t version, json_t *lin
 static int find_version(struct merge *m, const char *folder, const json_t *line,
                         size_t *out, struct error *why)
 {
-    const char *program = text_of(line, "program");
+    const char *program = result_text(line, "program");
 
     for (*out = 0; *out < m->n_versions; ++*out)
         if (m->versions[*out].folder == folder &&
@@ -87,7 +80,7 @@ static int find_version(struct merge *m, const char *folder, const json_t *line,
     struct version *v = &m->versions[m->n_versions++];
     *v = (struct version){.folder = folder};
     snprintf(v->program, sizeof v->program, "%s", program);
-    snprintf(v->revision, sizeof v->revision, "%s", text_of(line, "revision"));
+    snprintf(v->revision, sizeof v->revision, "%s", result_text(line, "revision"));
     return 0;
 }
 
@@ -101,14 +94,14 @@ static int take_file(struct merge *m, const char *folder, const char *path,
     if (!line)
         return error_say(why, -EINVAL, "%s: not a result: %s", path, wrong.text);
     if (json_integer_value(json_object_get(line, "format")) != RESULT_FORMAT ||
-        !text_of(line, "job")[0]) {
+        !result_text(line, "job")[0]) {
         json_decref(line);
         return error_say(why, -EINVAL, "%s: not a result of this version's `anlos batch`",
                          path);
     }
     int err = find_version(m, folder, line, &version, why);
     if (!err)
-        err = add_row(m, text_of(line, "job"), version, line, why);
+        err = add_row(m, result_text(line, "job"), version, line, why);
     if (err)
         json_decref(line);
     return err;
@@ -415,7 +408,7 @@ static void print_table(const struct merge *m)
  */
 static const char *outcome_of(const json_t *line)
 {
-    return line ? text_of(line, "outcome") : "missing";
+    return line ? result_text(line, "outcome") : "missing";
 }
 
 static json_t *sums_json(const struct merge *m, const char *tag)
@@ -545,7 +538,7 @@ static void put_row(FILE *f, const struct merge *m, const struct row *r,
     put_field(f, m->versions[r->version].label);
     fprintf(f, ",%s,%s,%s,", m->versions[r->version].revision,
             m->versions[r->version].program, outcome_of(r->line));
-    put_field(f, text_of(r->line, "error"));
+    put_field(f, result_text(r->line, "error"));
     for (size_t i = 0; i < sizeof of_run / sizeof *of_run; i++)
         put_number(f, value_of(r->line, of_run[i]));
     json_object_foreach((json_t *)names, key, any) put_number(f, value_of(r->line, key));

@@ -109,7 +109,7 @@ static json_t *hex(uint64_t h)
     return json_sprintf("%016" PRIx64, h);
 }
 
-static const char *text_of(const json_t *o, const char *key)
+const char *result_text(const json_t *o, const char *key)
 {
     const char *text = json_string_value(json_object_get(o, key));
 
@@ -118,7 +118,7 @@ static const char *text_of(const json_t *o, const char *key)
 
 bool result_is_failure(const json_t *line)
 {
-    return strcmp(text_of(line, "outcome"), "done") != 0;
+    return strcmp(result_text(line, "outcome"), "done") != 0;
 }
 
 static void file_of(const struct result_place *p, const char *name, char path[PATH_MAX])
@@ -134,7 +134,7 @@ json_t *result_load(const struct result_place *p, const char *name, uint64_t inp
     snprintf(expected, sizeof expected, "%016" PRIx64, inputs);
     json_t *line = json_load_file(path, 0, NULL);
     if (json_integer_value(json_object_get(line, "format")) == RESULT_FORMAT &&
-        !result_is_failure(line) && !strcmp(text_of(line, "inputs"), expected))
+        !result_is_failure(line) && !strcmp(result_text(line, "inputs"), expected))
         return line;
     json_decref(line);
     return NULL;

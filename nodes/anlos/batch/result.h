@@ -54,6 +54,8 @@ struct result_run {   /* what the child took */
 /* The line, of what the child left in a folder.  NULL: no memory. */
 json_t *result_make(const struct result_place *p, const struct manifest_bag *bag,
                     uint64_t inputs, const char *folder, const struct result_run *run);
+/* A member of it that is a text; "" where there is none. */
+const char *result_text(const json_t *line, const char *key);
 bool result_is_failure(const json_t *line);
 
 /* By way of a temporary file in a folder of the same file system, on the disk before it

@@ -6,6 +6,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "hal/clock.h"
 #include "nodes/anlos/commands.h"
 #include "nodes/anlos/doctor/findings.h"
 #include "nodes/anlos/usage.h"
@@ -67,7 +68,7 @@ static const struct check checks[] = {
 static void look(const struct doctor *d, struct findings *f)
 {
     struct check_job jobs[N_CHECKS];
-    int64_t deadline_ns = check_now_ns() + DEADLINE_NS;
+    int64_t deadline_ns = clock_monotonic_ns() + DEADLINE_NS;
 
     for (size_t i = 0; i < N_CHECKS; i++)
         check_start(&jobs[i], &checks[i], d);

@@ -12,6 +12,7 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "hal/clock.h"
 #include "nodes/rt/json_whole.h"
 #include "nodes/rt/log_line.h"
 
@@ -133,14 +134,6 @@ void findings_clear(struct findings *f)
 
 #define NS_PER_MS 1000000LL
 
-int64_t check_now_ns(void)
-{
-    struct timespec t;
-
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (int64_t)t.tv_sec * 1000000000 + t.tv_nsec;
-}
-
 static void answer(const struct check *c, const void *ctx, int fd)
 {
     struct findings f = {0};
@@ -183,7 +176,7 @@ static int read_answer(const struct check_job *job, int64_t deadline_ns, char **
 
     for (*used = 0;;) {
         struct pollfd p = {.fd = job->fd, .events = POLLIN};
-        int64_t left_ns = deadline_ns - check_now_ns();
+        int64_t left_ns = deadline_ns - clock_monotonic_ns();
         int n = poll(&p, 1, left_ns > 0 ? (int)(left_ns / NS_PER_MS) + 1 : 0);
         if (n < 0 && errno == EINTR)
             continue;

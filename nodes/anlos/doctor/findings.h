@@ -70,6 +70,4 @@ void check_start(struct check_job *job, const struct check *c, const void *ctx);
 void check_finish(struct check_job *job, const struct check *c, int64_t deadline_ns,
                   struct findings *out);
 
-int64_t check_now_ns(void);
-
 #endif

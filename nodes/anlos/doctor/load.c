@@ -8,6 +8,7 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "hal/clock.h"
 #include "msgs/convert.h"
 #include "nodes/anlos/doctor/doctor.h"
 #include "nodes/anlos/doctor/drive_pipe.h"
@@ -73,7 +74,7 @@ static double idle_s(void)
 
 static double now_s(void)
 {
-    return 1e-9 * (double)check_now_ns();
+    return 1e-9 * (double)clock_monotonic_ns();
 }
 
 static int probe(struct drive_pipe *p, double probe_s, struct load *out,

@@ -10,6 +10,7 @@
 #include <string.h>
 
 #include "dsp/fft.h"
+#include "dsp/rank.h"
 #include "dsp/stationary.h"
 #include "nodes/anlos/mat_file.h"
 #include "recon/imaging/trace_check.h"
@@ -25,17 +26,11 @@
 
 #define WORTH 0.1 /* of the power of echoes: noise that is not worth to be cut */
 
-static int by_value(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 /* Means of SMOOTH parts of the spectrum, and what a part must have to count. */
 static double part_powers(const double *power, size_t n_used, size_t n_spectra,
                           size_t n_parts, double *part)
 {
-    double sorted[SMOOTH], values = (double)(n_spectra * n_used / n_parts);
+    double ranked[SMOOTH], values = (double)(n_spectra * n_used / n_parts);
     double noise = 1.0 + SIGMAS / sqrt(values); /* each has a deviation as its mean */
     for (size_t p = 0; p < n_parts; p++) {
         size_t from = p * n_used / n_parts, to = (p + 1) * n_used / n_parts;
@@ -43,9 +38,9 @@ static double part_powers(const double *power, size_t n_used, size_t n_spectra,
         for (size_t b = from; b < to; b++)
             part[p] += power[b] / (double)(to - from);
     }
-    memcpy(sorted, part, n_parts * sizeof *sorted);
-    qsort(sorted, n_parts, sizeof *sorted, by_value);
-    double most = sorted[n_parts - 1], floor_power = sorted[n_parts / 10];
+    memcpy(ranked, part, n_parts * sizeof *ranked);
+    double most = rank_double(ranked, n_parts, n_parts);
+    double floor_power = rank_double(ranked, n_parts, n_parts / 10 + 1);
     if (most < FLAT * floor_power)
         return 0.0;
     return fmax(FAINTEST * most, fmin(noise * floor_power, sqrt(floor_power * most)));

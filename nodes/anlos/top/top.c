@@ -13,6 +13,7 @@
 #undef lines /* macros of <term.h>, and fields of a page */
 #undef tone
 
+#include "hal/clock.h"
 #include "nodes/anlos/commands.h"
 #include "nodes/anlos/feed.h"
 #include "nodes/anlos/interrupt.h"
@@ -108,7 +109,7 @@ static int take_option(struct top *o, int code)
  * that ends the program, or 0; *keys: there may be some. */
 static int listen_until(struct top *o, int64_t end_ns, int fd, bool *keys)
 {
-    int64_t left_ns = end_ns - feed_now_ns();
+    int64_t left_ns = end_ns - clock_monotonic_ns();
     int left_ms = left_ns <= 0                       ? 0
                   : left_ns > LOOK_UP_MS * 1000000LL ? LOOK_UP_MS
                                                      : (int)(left_ns / 1000000) + 1;
@@ -125,11 +126,11 @@ static int listen_until(struct top *o, int64_t end_ns, int fd, bool *keys)
 
 static int listen_for_first(struct top *o)
 {
-    int64_t end_ns = feed_now_ns() + FIRST_TABLE_NS;
+    int64_t end_ns = clock_monotonic_ns() + FIRST_TABLE_NS;
     bool keys;
     int code = 0;
 
-    while (!code && feed_now_ns() < end_ns && !feed_is_ready(o->feed))
+    while (!code && clock_monotonic_ns() < end_ns && !feed_is_ready(o->feed))
         code = listen_until(o, end_ns, -1, &keys);
     return code;
 }
@@ -137,11 +138,11 @@ static int listen_for_first(struct top *o)
 static int run_plain(struct top *o)
 {
     int code = listen_for_first(o);
-    int64_t due_ns = feed_now_ns();
+    int64_t due_ns = clock_monotonic_ns();
     bool keys;
 
     for (size_t i = 0; !code && i < o->tables; i++) {
-        while (!code && feed_now_ns() < due_ns)
+        while (!code && clock_monotonic_ns() < due_ns)
             code = listen_until(o, due_ns, -1, &keys);
         if (code)
             break;
@@ -273,9 +274,9 @@ static int run_screen(struct top *o)
     while (!code) {
         if (keys && take_keys(o))
             break;
-        bool due = feed_now_ns() >= due_ns;
+        bool due = clock_monotonic_ns() >= due_ns;
         if (due) {
-            due_ns = feed_now_ns() + (int64_t)(1e9 * o->interval_s);
+            due_ns = clock_monotonic_ns() + (int64_t)(1e9 * o->interval_s);
             if (!o->look.paused)
                 feed_table(o->feed, &o->table);
         }

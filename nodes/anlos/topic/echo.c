@@ -3,14 +3,18 @@
 
 #include <errno.h>
 #include <inttypes.h>
+#include <stdint.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
+#include "hal/clock.h"
+#include "msgs/bag/schemas.h"
+#include "msgs/bag/topic_message.h"
 #include "nodes/anlos/feed.h"
 #include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/topic/field_path.h"
-#include "nodes/anlos/topic/mcap_pipe.h"
 #include "nodes/anlos/topic/message_json.h"
 #include "nodes/anlos/usage.h"
 
@@ -19,6 +23,120 @@
 #define LOSSES_NS   1000000000LL
 
 enum { MAX_TOPICS = 64 };
+
+/* Messages as a bag (MCAP) that goes into a pipe: without chunks, index and summary, each
+ * message as soon as it comes, behind its schema and channel. */
+struct mcap_pipe {
+    FILE *f;
+    struct bytes_buffer out;
+    struct bag_source
+        *sources; /* [n]: channel id is the index from 1; grown by doubling */
+    size_t n;
+};
+
+static int write_out(struct mcap_pipe *p)
+{
+    if (p->out.failed)
+        return -ENOMEM;
+    errno = 0;
+    size_t written = fwrite(p->out.data, 1, p->out.size, p->f);
+    if (written != p->out.size || fflush(p->f))
+        return errno ? -errno : -EIO;
+    p->out.size = 0;
+    return 0;
+}
+
+/* Each writes through to f.  0, -ENOMEM, -E2BIG (65535 channels), errno of writing. */
+static int mcap_pipe_begin(struct mcap_pipe *p, FILE *f)
+{
+    const struct bytes magic = {(const uint8_t *)BAG_MAGIC, BAG_MAGIC_SIZE};
+    const struct bag_record header = {.opcode = BAG_HEADER,
+                                      .header = {.library = bytes_of("anlos")}};
+
+    *p = (struct mcap_pipe){.f = f};
+    bytes_put(&p->out, magic);
+    bag_record_put(&p->out, &header);
+    return write_out(p);
+}
+
+static uint16_t schema_id(const struct topic *t)
+{
+    return (uint16_t)(t - topics_all() + 1);
+}
+
+static void put_schema(struct mcap_pipe *p, const struct topic *t)
+{
+    struct bag_record r = {.opcode = BAG_SCHEMA, .schema = bag_schema_of(t)};
+
+    for (size_t i = 0; i < p->n; i++)
+        if (p->sources[i].topic == t)
+            return;
+    r.schema.id = schema_id(t);
+    bag_record_put(&p->out, &r);
+}
+
+static int put_channel(struct mcap_pipe *p, const struct bag_source *s)
+{
+    struct bytes_buffer metadata = {0};
+
+    if (p->n == UINT16_MAX)
+        return -E2BIG;
+    if (!(p->n & (p->n - 1))) { /* 0 and powers of two */
+        void *grown = realloc(p->sources, (p->n ? 2 * p->n : 1) * sizeof *p->sources);
+        if (!grown)
+            return -ENOMEM;
+        p->sources = grown;
+    }
+    put_schema(p, s->topic);
+    p->sources[p->n++] = *s;
+    bag_source_describe(s, &metadata);
+    const struct bag_record r = {.opcode = BAG_CHANNEL,
+                                 .channel = {.id = (uint16_t)p->n,
+                                             .schema_id = schema_id(s->topic),
+                                             .topic = bytes_of(s->topic->name),
+                                             .message_encoding = bytes_of(BAG_PROTOBUF),
+                                             .metadata = bytes_in(&metadata)}};
+    bag_record_put(&p->out, &r);
+    p->out.failed |= metadata.failed;
+    bytes_free(&metadata);
+    return 0;
+}
+
+static int mcap_pipe_put(struct mcap_pipe *p, const struct bus_message *m)
+{
+    struct bag_record r = {.opcode = BAG_MESSAGE};
+    struct bag_source source;
+    size_t i = 0;
+
+    bag_source_from(&source, &r.message, &m->envelope, m->payload);
+    while (i < p->n && !bag_source_is_same(&p->sources[i], &source))
+        i++;
+    int err = i == p->n ? put_channel(p, &source) : 0;
+    if (err)
+        return err;
+    r.message.channel_id = (uint16_t)(i + 1);
+    bag_record_put(&p->out, &r);
+    return write_out(p);
+}
+
+/* What came is a whole file then. */
+static int mcap_pipe_end(struct mcap_pipe *p)
+{
+    const struct bytes magic = {(const uint8_t *)BAG_MAGIC, BAG_MAGIC_SIZE};
+    const struct bag_record end = {.opcode = BAG_DATA_END},
+                            footer = {.opcode = BAG_FOOTER};
+
+    bag_record_put(&p->out, &end);
+    bag_record_put(&p->out, &footer);
+    bytes_put(&p->out, magic);
+    return write_out(p);
+}
+
+static void mcap_pipe_free(struct mcap_pipe *p)
+{
+    free(p->sources);
+    bytes_free(&p->out);
+}
 
 struct echo {
     const struct echo_options *o;
@@ -66,7 +184,7 @@ static void say_losses(struct echo *e)
     uint64_t gaps = 0, dropped = 0, refused = bus_refused(e->bus);
     size_t n = bus_counts(e->bus, counts, MAX_TOPICS);
 
-    e->said_ns = feed_now_ns();
+    e->said_ns = clock_monotonic_ns();
     for (size_t i = 0; i < n && i < MAX_TOPICS; i++) {
         gaps += counts[i].gaps;
         dropped += counts[i].dropped;
@@ -100,7 +218,7 @@ static void say_who_is_awaited(const struct echo *e)
 /* Nothing has come for a moment.  0, -EPIPE, -ETIMEDOUT. */
 static int idle(struct echo *e)
 {
-    int64_t silent_ns = feed_now_ns() - e->heard_ns;
+    int64_t silent_ns = clock_monotonic_ns() - e->heard_ns;
 
     if (e->o->timeout_s > 0.0 && (double)silent_ns > 1e9 * e->o->timeout_s)
         return -ETIMEDOUT;
@@ -125,7 +243,7 @@ static int take_next(struct echo *e)
         return err == -ETIMEDOUT ? idle(e) : err;
     err = e->o->mcap ? mcap_pipe_put(&e->pipe, &m) : write_json(e->o, &m);
     bus_message_free(&m);
-    e->heard_ns = feed_now_ns();
+    e->heard_ns = clock_monotonic_ns();
     if (e->heard_ns - e->said_ns > LOSSES_NS)
         say_losses(e);
     e->seen += !err;
@@ -138,7 +256,7 @@ int echo_run(struct bus *bus, const struct topic *const *topics, size_t n,
     struct echo e = {.o = o, .bus = bus, .topics = topics, .n = n};
     int err = o->mcap ? mcap_pipe_begin(&e.pipe, stdout) : 0;
 
-    e.heard_ns = e.said_ns = feed_now_ns();
+    e.heard_ns = e.said_ns = clock_monotonic_ns();
     while (!err && (!o->count || e.seen < o->count))
         err = take_next(&e);
     say_losses(&e);

@@ -31,22 +31,13 @@ static int64_t now_ns(void)
 /* -- in whose name ----------------------------------------------------------------------
  */
 
-static bool is_node(const char *name)
-{
-    const char *const *n = topics_nodes();
-
-    while (*n && strcmp(*n, name))
-        n++;
-    return *n;
-}
-
 /* The name under which others than nodes say it; NULL: nobody else does. */
 static const char *outside_name(const struct topic *t)
 {
     const char *name;
 
     for (size_t i = 0; (name = topic_publisher(t, i)); i++)
-        if (!is_node(name))
+        if (!topics_have_node(name))
             return name;
     return NULL;
 }
@@ -76,7 +67,7 @@ static const char *other_speaker(const struct system *s, const struct topic *t,
     const char *name;
 
     for (size_t i = 0; t->rate_hz > 0.0 && (name = topic_publisher(t, i)); i++)
-        if (is_node(name) && strcmp(name, from) && runs(s, name))
+        if (topics_have_node(name) && strcmp(name, from) && runs(s, name))
             return name;
     return NULL;
 }
@@ -102,7 +93,7 @@ static int refuse(const struct system *s, const struct topic *t, const char *fro
         return usage_error("topic", "pub %s: %s itself runs, and says it", t->name, from);
     if (force)
         return 0;
-    if (is_node(from))
+    if (topics_have_node(from))
         return usage_error("topic",
                            "pub %s: only the process %s says that, and what the sensor "
                            "states comes of it; --force says it in its place",

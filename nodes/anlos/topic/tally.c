@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "dsp/rank.h"
 #include "msgs/topics.h"
 #include "nodes/anlos/text.h"
 
@@ -157,24 +158,16 @@ double tally_interval_std_s(const struct tally_row *r)
     return r->messages > 1 ? sqrt(r->interval_m2_s2 / (double)(r->messages - 1)) : NAN;
 }
 
-static int compare(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-
-    return (x > y) - (x < y);
-}
-
 double tally_quantile_s(const struct tally_delays *d, double share)
 {
-    double sorted[TALLY_DELAYS];
+    double ranked[TALLY_DELAYS];
     size_t n = !d ? 0 : d->n < TALLY_DELAYS ? d->n : TALLY_DELAYS;
 
     if (!n)
         return NAN;
-    memcpy(sorted, d->s, n * sizeof *sorted);
-    qsort(sorted, n, sizeof *sorted, compare);
+    memcpy(ranked, d->s, n * sizeof *ranked);
     size_t rank = (size_t)ceil(share * (double)n);
-    return sorted[rank ? rank - 1 : 0];
+    return rank_double(ranked, n, rank ? rank : 1);
 }
 
 enum { WORD = 24 };
