@@ -5,13 +5,14 @@
  * row or a column of the table of pairs drops.
  *
  * A drop is against how loud a pair was in its first rounds; where these do not fit the
- * spreading of sound (1 / distance, and the median of all pairs) by START_DB, because
- * something was covered from the start, against that.  Only pairs count whose direct
- * sound stands out of noise (AUDIBLE_DB), and of a speaker those that are within NEAR_DB
- * of its loudest: nothing else is as loud there.  A speaker's drop is the median of its
- * pairs, a microphone's that of its pairs with speakers that have none.  Where nothing is
- * heard, or a drop is most_db and more, which is how loud late echoes of the speaker
- * before and crosstalk are, a cable is out: that is not called covered.
+ * spreading of sound (1 / distance, and the median of all pairs) by COVER_START_DB,
+ * because something was covered from the start, against that.  Only pairs count whose
+ * direct sound stands out of noise (COVER_AUDIBLE_DB), and of a speaker those that are
+ * within COVER_NEAR_DB of its loudest: nothing else is as loud there.  A speaker's drop
+ * is the median of its pairs, a microphone's that of its pairs with speakers that have
+ * none.  Where nothing is heard, or a drop is most_db and more, which is how loud late
+ * echoes of the speaker before and crosstalk are, a cable is out: that is not called
+ * covered.
  *
  * A ping costs a few operations for each pair; one with a pair that is learnt, once for
  * each, a hundred.  Nothing is allocated. */

@@ -26,7 +26,8 @@ int remote_subscription_open(struct remote_subscription **out, int *fd,
 /* The next message, of nn_allocmsg; NULL: none waits. */
 void *remote_subscription_receive(struct remote_subscription *e, size_t *size);
 
-/* Sees to the connections; call it every REMOTE_EAR_TEND_MS.  How many there are. */
+/* Sees to the connections; call it every REMOTE_SUBSCRIPTION_TEND_MS.  How many there
+ * are. */
 size_t remote_subscription_tend(struct remote_subscription *e);
 void remote_subscription_close(struct remote_subscription *e);
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /* hal/can/socket.h -- a raw CAN socket of the kernel on one interface: the system calls
- * of canbus_socketcan.c, and nothing that remembers. */
+ * of hal/can/socketcan.c, and nothing that remembers. */
 #ifndef ANLOS_HAL_CAN_SOCKET_H
 #define ANLOS_HAL_CAN_SOCKET_H
 

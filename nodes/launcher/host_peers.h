@@ -33,7 +33,8 @@ struct host_peer {
     bool silent, returned, restarted, ended, other_file, clock_known; /* to be told */
     int64_t silence_ns; /* how long it was */
     uint64_t silences;
-    unsigned n_samples; /* measured since it started; the newest FELLOWS_SAMPLES kept */
+    unsigned
+        n_samples; /* measured since it started; the newest HOST_PEERS_SAMPLES kept */
     double ahead_s[HOST_PEERS_SAMPLES], round_trip_s[HOST_PEERS_SAMPLES];
 };
 
@@ -77,7 +78,7 @@ enum host_peers_verdict host_peers_judge(struct host_peers *f, int64_t now_ns,
 /* May we go?  Yes when all others know how it ended, or cannot be reached. */
 bool host_peers_may_leave(const struct host_peers *f, int64_t now_ns);
 
-/* The peers (peers.h) on the bus: what the launcher says to those of other hosts,
+/* The peers on the bus: what the launcher says to those of other hosts,
  * and hears of them. */
 
 struct host_peering { /* zeroed: all on one machine */

@@ -44,9 +44,6 @@ struct voice { /* zeroed: mute */
     unsigned n_running, n_lost; /* as said last */
 };
 
-/* The launcher inside: launcher.c waits and listens, launcher_nodes.c starts the nodes,
- * starts them again and ends them. */
-
 struct launcher {
     const struct launcher_config *cfg;
     const struct clock_source *clock;

@@ -71,7 +71,7 @@ struct supervisor_starved {
 bool supervisor_starves(struct supervisor *s, unsigned i, struct supervisor_starved *out);
 
 /* "restarts", and "NODE hung" of each that ever was; names live as long as s.  At most
- * CREW_MAX + 1; returns how many. */
+ * PROCESS_GROUP_MAX + 1; returns how many. */
 size_t supervisor_counts(const struct supervisor *s, struct device_count *out);
 
 #endif

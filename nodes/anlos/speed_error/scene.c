@@ -21,9 +21,6 @@
 #include "nodes/anlos/interrupt.h"
 #include "nodes/rt/export_file.h"
 
-/* What both kinds of recordings that `anlos speed-error` reads have in common
- * (bench_scene_read.c, bench_scene_reference.c). */
-
 /* FOLDER/NAME and the rest of the name.  0, -ENAMETOOLONG. */
 static int bench_join(char out[PATH_MAX], const char *folder, const char *name,
                       const char *rest, struct error *why)
