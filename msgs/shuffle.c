@@ -171,7 +171,7 @@ static int each_tensor(ProtobufCMessage *m, int (*change)(Anlos__Tensor *t))
     return err;
 }
 
-int message_shuffle(ProtobufCMessage *m)
+static int message_shuffle(ProtobufCMessage *m)
 {
     return each_tensor(m, tensor_shuffle);
 }

@@ -22,7 +22,6 @@ int tensor_shuffle(Anlos__Tensor *t);
 int tensor_unshuffle(Anlos__Tensor *t);
 
 /* The same of all tensors that stand in the message itself. */
-int message_shuffle(ProtobufCMessage *m);
 int message_unshuffle(ProtobufCMessage *m);
 
 /* Is any of them? */

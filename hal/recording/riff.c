@@ -86,7 +86,8 @@ int riff_data_size(const char *path, uint64_t *promised, uint64_t *present)
     return err;
 }
 
-int riff_format(const char *path, unsigned *format)
+/* The number of its sample format, from the chunk "fmt ".  Errors as riff_data_size. */
+static int riff_format(const char *path, unsigned *format)
 {
     unsigned char number[2];
     struct riff r;

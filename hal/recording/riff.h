@@ -18,9 +18,6 @@ int riff_data_size(const char *path, uint64_t *promised, uint64_t *present);
 
 enum { RIFF_PCM = 1, RIFF_FLOAT = 3, RIFF_EXTENSIBLE = 0xfffe };
 
-/* The number of its sample format, from the chunk "fmt ".  Errors as riff_data_size. */
-int riff_format(const char *path, unsigned *format);
-
 /* WAV files alone: libsndfile reads some thirty formats, and whatever a file is called;
  * readers of compressed ones are where its faults are. */
 

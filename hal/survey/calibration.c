@@ -131,7 +131,9 @@ int calibration_apply(const struct calibration *c, struct survey *s, const char 
     return 0;
 }
 
-float calibration_factor(const struct calibration_channel *channel)
+/* What a channel's samples are to be multiplied by: its gain and polarity undone; 0 for a
+ * dead or noisy one, which recon/frontend/channel_check then leaves out. */
+static float calibration_factor(const struct calibration_channel *channel)
 {
     double factor = pow(10.0, -channel->gain_db / 20.0);
     if (channel->faults & (CALIBRATION_DEAD | CALIBRATION_NOISY))

@@ -61,10 +61,6 @@ int calibration_fits(const struct calibration *c, const struct survey *s,
 int calibration_apply(const struct calibration *c, struct survey *s, const char *path,
                       struct error *why);
 
-/* What a channel's samples are to be multiplied by: its gain and polarity undone; 0 for a
- * dead or noisy one, which nodes/rt/channel_check then leaves out. */
-float calibration_factor(const struct calibration_channel *channel);
-
 /* samples [n_microphones][n_samples] of a ping of one speaker; c may be NULL. */
 void calibration_correct(const struct calibration *c, size_t speaker, size_t n_samples,
                          float *samples);

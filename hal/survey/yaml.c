@@ -22,7 +22,7 @@ const struct cyaml_schema_value survey_yaml_number = {
     CYAML_VALUE_FLOAT(CYAML_FLAG_DEFAULT, double)};
 const struct cyaml_schema_value survey_yaml_point = {
     CYAML_VALUE_SEQUENCE_FIXED(CYAML_FLAG_DEFAULT, double, &survey_yaml_number, 3)};
-const struct cyaml_schema_value survey_yaml_text = {
+static const cyaml_schema_value_t text = {
     CYAML_VALUE_STRING(CYAML_FLAG_POINTER, char, 1, 31)};
 
 /* clang-format off */
@@ -55,8 +55,8 @@ const struct cyaml_schema_field survey_yaml_calibration_fields[] = {
     CYAML_FIELD_STRING_PTR("folder", CYAML_FLAG_POINTER, struct survey_yaml_calibration,
                            folder, 1, 4096),
     CYAML_FIELD_SEQUENCE_COUNT("serials", CYAML_FLAG_POINTER,
-                               struct survey_yaml_calibration, serials, n_serials,
-                               &survey_yaml_text, 1, 4096),
+                               struct survey_yaml_calibration, serials, n_serials, &text,
+                               1, 4096),
     CYAML_FIELD_END};
 
 const struct cyaml_schema_field survey_yaml_volume_fields[] = {

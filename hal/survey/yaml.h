@@ -70,7 +70,7 @@ struct survey_yaml {
 };
 
 extern const struct cyaml_schema_value survey_yaml_number, survey_yaml_point,
-    survey_yaml_text, survey_yaml_one_wall;
+    survey_yaml_one_wall;
 extern const struct cyaml_schema_field survey_yaml_chirp_fields[],
     survey_yaml_stage_fields[], survey_yaml_calibration_fields[],
     survey_yaml_volume_fields[], survey_yaml_wall_fields[], survey_yaml_mount_fields[];

@@ -35,7 +35,8 @@ static size_t list_spans(const struct bag_catalog *c, struct span *out)
     return n;
 }
 
-int bag_catalog_check_spans(const struct bag_catalog *c, struct error *why)
+/* Do any two things that the catalog names share bytes?  0, -EBADMSG, -ENOMEM. */
+static int bag_catalog_check_spans(const struct bag_catalog *c, struct error *why)
 {
     size_t room = c->n_blocks + c->n_attachments + c->n_metadata;
     struct span *spans = malloc((room + 1) * sizeof *spans);
@@ -83,6 +84,20 @@ static void widen(struct bag_block *block, uint64_t log_time, bool first)
         block->start_time = log_time;
     if (first || log_time > block->end_time)
         block->end_time = log_time;
+}
+
+/* 0, -ENOMEM. */
+static int bag_catalog_add_block(struct bag_catalog *c, const struct bag_block *block)
+{
+    if (!(c->n_blocks & (c->n_blocks - 1))) {
+        size_t room = c->n_blocks ? 2 * c->n_blocks : 1;
+        struct bag_block *grown = realloc(c->blocks, room * sizeof *grown);
+        if (!grown)
+            return -ENOMEM;
+        c->blocks = grown;
+    }
+    c->blocks[c->n_blocks++] = *block;
+    return 0;
 }
 
 static int scan_chunk(struct scan *s, uint64_t offset, const struct bag_chunk *k,
@@ -164,7 +179,9 @@ static int scan_record(struct scan *s, uint64_t offset, const struct bag_record 
     }
 }
 
-int bag_catalog_scan(struct bag_catalog *c, struct error *why)
+/* Fills a catalog that knows its file alone from every record there is.  Errors as
+ * bag_catalog_open. */
+static int bag_catalog_scan(struct bag_catalog *c, struct error *why)
 {
     struct scan s = {.catalog = c, .allowance = bag_file_allowance(&c->file)};
     struct bag_record r = {.opcode = 0};
@@ -246,19 +263,6 @@ int bag_catalog_redefine(struct bag_catalog *c, const struct bag_record *r)
     k->copy = bytes;
     bag_record_parse(&k->record, r->opcode, content_of(&k->copy));
     return 1;
-}
-
-int bag_catalog_add_block(struct bag_catalog *c, const struct bag_block *block)
-{
-    if (!(c->n_blocks & (c->n_blocks - 1))) {
-        size_t room = c->n_blocks ? 2 * c->n_blocks : 1;
-        struct bag_block *grown = realloc(c->blocks, room * sizeof *grown);
-        if (!grown)
-            return -ENOMEM;
-        c->blocks = grown;
-    }
-    c->blocks[c->n_blocks++] = *block;
-    return 0;
 }
 
 static void take_statistics(struct bag_catalog *c, const struct bag_statistics *s)

@@ -66,9 +66,6 @@ int bag_catalog_define(struct bag_catalog *c, const struct bag_record *r);
  * another), -ENOMEM. */
 int bag_catalog_redefine(struct bag_catalog *c, const struct bag_record *r);
 
-/* 0, -ENOMEM. */
-int bag_catalog_add_block(struct bag_catalog *c, const struct bag_block *block);
-
 /* A message, in a chunk or outside. */
 void bag_catalog_count(struct bag_catalog *c, const struct bag_message *m);
 
@@ -77,12 +74,5 @@ int bag_catalog_add_attachment(struct bag_catalog *c, uint64_t offset, uint64_t 
                                const struct bag_attachment *a);
 int bag_catalog_add_metadata(struct bag_catalog *c, uint64_t offset, uint64_t length,
                              const struct bag_metadata *m);
-
-/* Do any two things that the catalog names share bytes?  0, -EBADMSG, -ENOMEM. */
-int bag_catalog_check_spans(const struct bag_catalog *c, struct error *why);
-
-/* Fills a catalog that knows its file alone from every record there is.  Errors as
- * bag_catalog_open. */
-int bag_catalog_scan(struct bag_catalog *c, struct error *why);
 
 #endif

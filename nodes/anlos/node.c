@@ -99,7 +99,9 @@ static void print_endpoints(const char *run_dir, const char *node, FILE *f)
     }
 }
 
-void node_info_print(const struct census_node *n, const char *run_dir, FILE *f)
+/* All of one node: what it publishes and receives, its queues, losses and endpoints, what
+ * its device counts. */
+static void node_info_print(const struct census_node *n, const char *run_dir, FILE *f)
 {
     char up[TEXT_CELL_SIZE], cpu[TEXT_CELL_SIZE], memory[TEXT_CELL_SIZE],
         text[TABLE_TEXT_SIZE];
@@ -168,7 +170,10 @@ static void add_details(json_t *o, const struct table_node *row)
     json_object_set_new(o, "device", device);
 }
 
-json_t *node_json(const struct census_node *n, bool all)
+/* The same for programs; topics and device only when `all` is asked for.  NULL: no
+ * memory.
+ */
+static json_t *node_json(const struct census_node *n, bool all)
 {
     json_t *o =
         json_pack("{ss, ss}", "node", n->name, "process", census_life_name(n->life));

@@ -80,8 +80,10 @@ int vehicle_bus_open(struct canbus **out, const struct launchfile *l, struct err
     return err;
 }
 
-const struct clock_source *vehicle_bus_clock(const struct launchfile *l,
-                                             const struct clock_source *replayed)
+/* A bus has time-outs of its own; a log has none, and is dated like what it holds:
+ * replayed. */
+static const struct clock_source *vehicle_bus_clock(const struct launchfile *l,
+                                                    const struct clock_source *replayed)
 {
     return uri_has_scheme(l->can.uri, "log") ? replayed : clock_system();
 }

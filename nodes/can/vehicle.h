@@ -22,9 +22,4 @@ int vehicle_open(struct vehicle **out, struct node *node, struct error *why);
  */
 int vehicle_bus_open(struct canbus **out, const struct launchfile *l, struct error *why);
 
-/* A bus has time-outs of its own; a log has none, and is dated like what it holds:
- * replayed. */
-const struct clock_source *vehicle_bus_clock(const struct launchfile *l,
-                                             const struct clock_source *replayed);
-
 #endif

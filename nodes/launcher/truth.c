@@ -9,8 +9,10 @@
 #include "hal/room/room.h"
 #include "recon/geometry.h"
 
-int results_file_load(json_t **out, const char *folder, const char *name, char *path,
-                      size_t size, struct error *why)
+/* FOLDER/NAME; release *out with json_decref.  path[size] gets its name, for errors.
+ * 0, -ENOENT (there is none), -EINVAL (no JSON, too long a name). */
+static int results_file_load(json_t **out, const char *folder, const char *name,
+                             char *path, size_t size, struct error *why)
 {
     json_error_t error;
 

@@ -55,12 +55,4 @@ void truth_print(const struct truth *t, FILE *to);
  * -EINVAL. */
 int tracks_print(const char *folder, FILE *to, struct error *why);
 
-/* What the node report has left in its folder, read for the lines at the end of a
- * launch. */
-
-/* FOLDER/NAME; release *out with json_decref.  path[size] gets its name, for errors.
- * 0, -ENOENT (there is none), -EINVAL (no JSON, too long a name). */
-int results_file_load(json_t **out, const char *folder, const char *name, char *path,
-                      size_t size, struct error *why);
-
 #endif

@@ -54,7 +54,8 @@ static bool has_list(struct playback *p, int64_t now_ns)
     return !p->list_since_ns;
 }
 
-int64_t playback_used(struct playback *p, int64_t now_ns)
+/* How far all are; what went out before is under way no more. */
+static int64_t used_up_to(struct playback *p, int64_t now_ns)
 {
     int64_t used_ns;
     size_t n = 0;
@@ -81,7 +82,7 @@ int64_t playback_used(struct playback *p, int64_t now_ns)
                        "%s did not get on with the recording in %g s, and is waited "
                        "for no more",
                        last->name, PATIENCE * p->cfg.timeout_s);
-        return playback_used(p, now_ns);
+        return used_up_to(p, now_ns);
     }
     return used_ns;
 }
@@ -97,7 +98,7 @@ static void wait_for_last(struct playback *p)
 
 bool playback_is_entered(struct playback *p, int64_t now_ns)
 {
-    if (playback_used(p, now_ns) != INT64_MIN)
+    if (used_up_to(p, now_ns) != INT64_MIN)
         return true;
     wait_for_last(p);
     return false;
@@ -105,7 +106,7 @@ bool playback_is_entered(struct playback *p, int64_t now_ns)
 
 static bool is_used_up(struct playback *p, int64_t now_ns)
 {
-    int64_t used_ns = playback_used(p, now_ns);
+    int64_t used_ns = used_up_to(p, now_ns);
 
     if (!p->n_under_way && used_ns != INT64_MIN)
         return true;
@@ -194,7 +195,7 @@ static size_t window_of(const struct playback *p, const struct playback_next *n)
 /* Are all so far that no more is under way than they have room for? */
 static bool is_kept_up_with(struct playback *p, int64_t now_ns)
 {
-    int64_t used_ns = playback_used(p, now_ns);
+    int64_t used_ns = used_up_to(p, now_ns);
     size_t pings = 0, most = window_of(p, &p->next);
 
     for (size_t i = 0; i < p->n_under_way; i++)

@@ -108,9 +108,6 @@ int playback_went(struct playback *p, const struct playback_next *n, int64_t now
 /* May the next message go?  Else waits_for has the reason. */
 bool playback_may_go(struct playback *p, int64_t now_ns);
 
-/* How far all are; what went out before is under way no more. */
-int64_t playback_used(struct playback *p, int64_t now_ns);
-
 /* Are all in this round?  Else waits_for has who is not. */
 bool playback_is_entered(struct playback *p, int64_t now_ns);
 

@@ -55,15 +55,18 @@ static const Anlos__HostSight *find(const struct report_hosts *h, const char *by
     return NULL;
 }
 
-double report_hosts_ahead_s(const struct report_hosts *h, const char *of,
-                            const char *than)
+/* Seconds by which the clock of one host is ahead of that of another; 0 when nobody has
+ * measured it. */
+static double report_hosts_ahead_s(const struct report_hosts *h, const char *of,
+                                   const char *than)
 {
     const Anlos__HostSight *one = find(h, than, of), *other = find(h, of, than);
 
     return one ? one->clock_ahead_s : other ? -other->clock_ahead_s : 0.0;
 }
 
-json_t *report_hosts_json(const struct report_hosts *h)
+/* An array, an object for each pair that was measured. */
+static json_t *report_hosts_json(const struct report_hosts *h)
 {
     json_t *list = json_array();
 
@@ -81,7 +84,7 @@ json_t *report_hosts_json(const struct report_hosts *h)
     return list;
 }
 
-void report_hosts_clear(struct report_hosts *h)
+static void report_hosts_clear(struct report_hosts *h)
 {
     for (size_t i = 0; i < h->n; i++)
         anlos__host_status__free_unpacked(h->list[i], NULL);

@@ -30,15 +30,6 @@ struct report_hosts { /* zeroed: none */
 /* Copies it.  0, -ENOMEM. */
 int report_hosts_take(struct report_hosts *h, const Anlos__HostStatus *status);
 
-/* Seconds by which the clock of one host is ahead of that of another; 0 when nobody has
- * measured it. */
-double report_hosts_ahead_s(const struct report_hosts *h, const char *of,
-                            const char *than);
-
-/* An array, an object for each pair that was measured. */
-json_t *report_hosts_json(const struct report_hosts *h);
-void report_hosts_clear(struct report_hosts *h);
-
 #define REPORT_MAX_NODES 16
 
 struct report_node {

@@ -24,7 +24,8 @@ static void look_at_priority(struct heartbeat *h)
     snprintf(h->priority, sizeof h->priority, "%s", none);
 }
 
-void heartbeat_publish(struct heartbeat *h)
+/* Says how the node is, now; also tells of repeated lines in its log. */
+static void heartbeat_publish(struct heartbeat *h)
 {
     struct health v;
     struct device_count counts[DEVICE_MAX_COUNTS];

@@ -38,11 +38,8 @@ struct heartbeat {
     const Anlos__Sensing *sensing; /* not owned; NULL: none */
 };
 
-/* Says how the node is, now; also tells of repeated lines in its log. */
-void heartbeat_publish(struct heartbeat *h);
-
-/* The same if it is time to.  now_ns, here and of what it returns: the machine's.
- * Returns when to ask again. */
+/* Says how the node is if it is time to, and tells of repeated lines in its log.  now_ns,
+ * here and of what it returns: the machine's. Returns when to ask again. */
 int64_t heartbeat_tick(struct heartbeat *h, int64_t now_ns);
 
 /* The main loop comes around: what it was busy with is done. */

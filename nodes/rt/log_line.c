@@ -41,7 +41,8 @@ int log_format_parse(enum log_format *out, const char *name)
     return 0;
 }
 
-void log_stamp_write(char out[LOG_STAMP_SIZE], int64_t stamp_ns)
+/* "2026-11-21T20:15:09.123Z" */
+static void log_stamp_write(char out[LOG_STAMP_SIZE], int64_t stamp_ns)
 {
     int64_t s = stamp_ns / NS_PER_S - (stamp_ns % NS_PER_S < 0);
     time_t seconds = (time_t)s;

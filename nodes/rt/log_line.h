@@ -37,9 +37,6 @@ const char *log_level_name(enum log_level level);
 int log_level_parse(enum log_level *out, const char *name);
 int log_format_parse(enum log_format *out, const char *name);
 
-/* "2026-11-21T20:15:09.123Z" */
-void log_stamp_write(char out[LOG_STAMP_SIZE], int64_t stamp_ns);
-
 /* The text with what is said of repeats. */
 void log_line_text(const struct log_line *l, char *out, size_t size);
 

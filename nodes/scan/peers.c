@@ -57,7 +57,8 @@ static bool is_ready(const struct peers *p, const struct peer *peer, int64_t now
             peer->state == ANLOS__HEALTH__STATE__DEGRADED);
 }
 
-bool peers_ready(const struct peers *p, int64_t now_ns, char *text, size_t size)
+/* All there and ready?  Else text[size] says who is waited for. */
+static bool peers_ready(const struct peers *p, int64_t now_ns, char *text, size_t size)
 {
     bool all = true;
     size_t used = 0;
@@ -84,7 +85,8 @@ bool peers_heard(const struct peers *p, int64_t now_ns, int64_t within_ns)
     return true;
 }
 
-const struct peer *peers_fault(const struct peers *p)
+/* A peer that says it cannot go on, or NULL. */
+static const struct peer *peers_fault(const struct peers *p)
 {
     for (size_t i = 0; i < p->n; i++)
         if (p->list[i].state == ANLOS__HEALTH__STATE__FAULT)

@@ -44,9 +44,6 @@ enum peers_news peers_hear(struct peers *p, const char *name, int64_t epoch_ns,
                            int64_t now_ns);
 void peers_health(struct peers *p, const char *name, const Anlos__Health *health);
 
-/* All there and ready?  Else text[size] says who is waited for. */
-bool peers_ready(const struct peers *p, int64_t now_ns, char *text, size_t size);
-
 /* May a scan go on?  Else *state and text[size] say why not: a peer cannot go on
  * (FAILED), is not there, or there is no survey yet (WAITING).  While one is away nothing
  * can time out: *sign_ns, the last sign of life, is now. */
@@ -55,8 +52,5 @@ bool peers_let(const struct peers *p, bool has_survey, int64_t now_ns, int64_t *
 
 /* Has each of them been heard of within so long? */
 bool peers_heard(const struct peers *p, int64_t now_ns, int64_t within_ns);
-
-/* A peer that says it cannot go on, or NULL. */
-const struct peer *peers_fault(const struct peers *p);
 
 #endif

@@ -180,7 +180,8 @@ bool mover_state(struct mover *m, int64_t now_ns, Anlos__StageState *out)
     return true;
 }
 
-int mover_wait_ms(const struct mover *m)
+/* How long the hardware may be left alone. */
+static int mover_wait_ms(const struct mover *m)
 {
     bool moves = m->last.state == ANLOS__STAGE_STATE__STATE__MOVING ||
                  m->last.state == ANLOS__STAGE_STATE__STATE__SETTLING;

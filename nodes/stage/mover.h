@@ -53,7 +53,4 @@ const char *mover_note(struct mover *m);
  * the last one is 50 ms (moving) or 500 ms (at rest) old.  Its text lives in m. */
 bool mover_state(struct mover *m, int64_t now_ns, Anlos__StageState *out);
 
-/* How long the hardware may be left alone. */
-int mover_wait_ms(const struct mover *m);
-
 #endif

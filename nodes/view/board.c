@@ -68,7 +68,7 @@ const uint8_t *frame_data(const struct frame *f, size_t *size, bool *binary)
     return f->data;
 }
 
-struct frame *frame_keep(struct frame *f)
+static struct frame *frame_keep(struct frame *f)
 {
     atomic_fetch_add(&f->references, 1);
     return f;

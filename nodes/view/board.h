@@ -23,7 +23,6 @@ struct frame *frame_of_images(json_t *text, size_t image_size, uint8_t **image);
 const uint8_t *frame_data(const struct frame *f, size_t *size, bool *binary);
 
 /* References are counted; safe in any thread.  frame_drop(NULL) is fine. */
-struct frame *frame_keep(struct frame *f);
 void frame_drop(struct frame *f);
 
 enum board_subject {

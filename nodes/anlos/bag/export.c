@@ -291,7 +291,7 @@ static int write_png(const struct image *i, const struct export_options *o,
     return err;
 }
 
-int export_png(struct stream *s, const struct export_options *o, struct error *why)
+static int export_png(struct stream *s, const struct export_options *o, struct error *why)
 {
     struct image image = {NULL, NULL};
     int err = find_image(&image, s, o, why);
@@ -500,7 +500,9 @@ static int write_bag(struct work *w, const struct export_options *o, struct erro
     return verb_output_end(&output, err ? err : closed, why);
 }
 
-int export_foxglove(struct stream *s, const struct export_options *o, struct error *why)
+/* The bag with what Foxglove draws added (nodes/foxglove/channels.h). */
+static int export_foxglove(struct stream *s, const struct export_options *o,
+                           struct error *why)
 {
     struct work w = {.stream = s, .n_views = channels_count(), .with_sound = o->full};
     int err;

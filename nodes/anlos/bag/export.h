@@ -23,10 +23,6 @@ struct export_options { /* borrow from argv */
 int export_lines(struct stream *s, const struct export_options *o, struct error *why);
 int export_csv(struct stream *s, const struct export_options *o, struct error *why);
 int export_nrrd_file(struct stream *s, const struct export_options *o, struct error *why);
-int export_png(struct stream *s, const struct export_options *o, struct error *why);
-
-/* The bag with what Foxglove draws added (nodes/foxglove/channels.h). */
-int export_foxglove(struct stream *s, const struct export_options *o, struct error *why);
 
 /* Tracks, and who was there, as a trace file of ASAM OSI. */
 int export_osi(struct stream *s, const struct export_options *o, struct error *why);

@@ -85,8 +85,10 @@ static int put(struct import_bag *b, const char *node, const struct topic *t,
     return bag_topics_put(b->topics, &e, payload, NULL, why);
 }
 
-int import_bag_survey(struct import_bag *b, const struct survey *s, const char *yaml,
-                      size_t yaml_size, struct error *why)
+/* What pings name; a text that is kept with them may be NULL.  To be said first.  0,
+ * -EINVAL (does not pass survey_check), -ENOMEM, errors of writing. */
+static int import_bag_survey(struct import_bag *b, const struct survey *s,
+                             const char *yaml, size_t yaml_size, struct error *why)
 {
     const struct bag_attachment a = {
         .log_time = IMPORT_START_NS,
@@ -120,8 +122,10 @@ static int pack(struct import_bag *b, const Anlos__Ping *p, size_t *size)
     return 0;
 }
 
-int import_bag_ping(struct import_bag *b, Anlos__Ping *p, int64_t capture_ns,
-                    int64_t length_ns, struct error *why)
+/* A ping that begins then and lasts slot_ns; the survey is repeated before it each
+ * second. Its survey_id is filled in.  0, -EMSGSIZE, -ENOMEM, errors of writing. */
+static int import_bag_ping(struct import_bag *b, Anlos__Ping *p, int64_t capture_ns,
+                           int64_t length_ns, struct error *why)
 {
     size_t size;
     int err = 0;
@@ -139,8 +143,10 @@ int import_bag_ping(struct import_bag *b, Anlos__Ping *p, int64_t capture_ns,
                      capture_ns + length_ns, b->packed, size, why);
 }
 
-int import_bag_ego(struct import_bag *b, const Anlos__EgoMotion *m, int64_t capture_ns,
-                   struct error *why)
+/* How the vehicle moved; in the order of time with the pings, by when they end.  As
+ * import_bag_ping. */
+static int import_bag_ego(struct import_bag *b, const Anlos__EgoMotion *m,
+                          int64_t capture_ns, struct error *why)
 {
     uint8_t packed[128];
     size_t size = anlos__ego_motion__get_packed_size(m);
@@ -152,8 +158,9 @@ int import_bag_ego(struct import_bag *b, const Anlos__EgoMotion *m, int64_t capt
                why);
 }
 
-int import_bag_metadata(struct import_bag *b, const char *name,
-                        const char *const (*pairs)[2], size_t n, struct error *why)
+/* Text to text under a name. */
+static int import_bag_metadata(struct import_bag *b, const char *name,
+                               const char *const (*pairs)[2], size_t n, struct error *why)
 {
     struct bytes_buffer map = {0};
 

@@ -6,6 +6,7 @@
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
+#include <termios.h>
 #include <unistd.h>
 
 #include "hal/clock.h"
@@ -21,6 +22,13 @@
 #define CLEAR_LINE     "\r\033[K"
 
 enum { SLOWEST_DIVISOR = 64, FASTEST = 64 };
+
+struct play_keys {
+    bool terminal, shown;
+    struct termios before;
+    struct playback_status status; /* as shown last */
+    int64_t show_due_ns;
+};
 
 static void change_rate(struct playback *p, double rate, bool faster, int64_t now_ns)
 {
@@ -74,8 +82,9 @@ static void take_arrow(struct playback *p, char key)
         playback_seek(p, s.start_ns);
 }
 
-int play_keys_take(struct play_keys *k, struct playback *p, const char *bytes, size_t n,
-                   int64_t now_ns)
+/* What n bytes from the keyboard ask for.  -ECANCELED: to end. */
+static int play_keys_take(struct play_keys *k, struct playback *p, const char *bytes,
+                          size_t n, int64_t now_ns)
 {
     int err = 0;
 
@@ -135,7 +144,9 @@ static void show(void *ctx, const struct playback_status *s)
     k->shown = true;
 }
 
-void play_keys_open(struct play_keys *k, struct play_control *out)
+/* Keys come one by one from now on, when both ends are a terminal; else nothing is read
+ * or shown. */
+static void play_keys_open(struct play_keys *k, struct play_control *out)
 {
     *k = (struct play_keys){.terminal = isatty(STDIN_FILENO) && isatty(STDOUT_FILENO) &&
                                         !tcgetattr(STDIN_FILENO, &k->before)};
@@ -150,7 +161,7 @@ void play_keys_open(struct play_keys *k, struct play_control *out)
         out->fd = STDIN_FILENO;
 }
 
-void play_keys_close(struct play_keys *k)
+static void play_keys_close(struct play_keys *k)
 {
     if (k->shown)
         printf("\n");

@@ -238,7 +238,8 @@ static bool is_whole(const struct lists *l)
     return frames[CAN_ID_TIME] == 1 && (classic || frames[CAN_ID_OBJECT_FD] == n);
 }
 
-void lists_take(struct lists *l, enum can_id id, const struct can_frame_data *f)
+/* An undamaged frame of a sensor, in the order in which they came. */
+static void lists_take(struct lists *l, enum can_id id, const struct can_frame_data *f)
 {
     if (id == CAN_ID_LIST_HEADER)
         begin(l, f);

@@ -40,9 +40,6 @@ struct lists {
     unsigned frames[CAN_SENSOR_STEP]; /* by enum can_id, of the list under way */
 };
 
-/* An undamaged frame of a sensor, in the order in which they came. */
-void lists_take(struct lists *l, enum can_id id, const struct can_frame_data *f);
-
 #define TALLY_VERDICTS (E2E_WRONG_CRC + 1)
 
 struct tally_message {

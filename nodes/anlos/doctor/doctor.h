@@ -34,10 +34,6 @@ struct launchfile *doctor_load(const struct doctor *d);
 /* Is the node to run on this machine? */
 bool doctor_runs(const struct doctor *d, const struct launchfile *l, const char *node);
 
-/* Can files be made in the folder, or where it would be, and is there room? */
-void doctor_folder(struct findings *f, const char *area, const char *what,
-                   const char *folder);
-
 /* A word of a file such as /proc/sys/net/core/wmem_max.  0, -errno. */
 int doctor_read_word(const char *path, char *out, size_t size);
 

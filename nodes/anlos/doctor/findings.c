@@ -104,7 +104,8 @@ json_t *findings_json(const struct findings *f)
                      (json_int_t)findings_count(f, FINDING_NOTE));
 }
 
-int findings_add_json(struct findings *f, const json_t *o)
+/* Adds those of findings_json.  0, -EINVAL: it is something else. */
+static int findings_add_json(struct findings *f, const json_t *o)
 {
     const json_t *list = json_object_get(o, "findings"), *item;
     size_t i;

@@ -45,8 +45,6 @@ void findings_print(const struct findings *f, bool colour, FILE *to);
 /* {"findings": [...], "wrong": n, "notes": n}; NULL: no memory. */
 json_t *findings_json(const struct findings *f);
 
-/* Adds those of findings_json.  0, -EINVAL: it is something else. */
-int findings_add_json(struct findings *f, const json_t *o);
 void findings_clear(struct findings *f);
 
 /* Looks at one thing in a process of its own, so that a driver or a disk that hangs, or

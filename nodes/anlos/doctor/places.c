@@ -177,8 +177,9 @@ static void look_at_room(struct findings *f, const char *area, const char *what,
         finding_todo(f, "free some of it, or choose a folder on another disk");
 }
 
-void doctor_folder(struct findings *f, const char *area, const char *what,
-                   const char *folder)
+/* Can files be made in the folder, or where it would be, and is there room? */
+static void look_at_folder(struct findings *f, const char *area, const char *what,
+                           const char *folder)
 {
     char there[PATH_MAX];
     struct stat st = {0};
@@ -208,15 +209,15 @@ static void look_at_record(const struct doctor *d, const struct launchfile *l,
     if (!doctor_runs(d, l, "record"))
         return;
     if (l->record.snapshot.folder)
-        doctor_folder(f, "record", "bags of the last seconds go to",
-                      l->record.snapshot.folder);
+        look_at_folder(f, "record", "bags of the last seconds go to",
+                       l->record.snapshot.folder);
     if (!*l->record.path)
         return;
     snprintf(folder, sizeof folder, "%s", l->record.path);
     char *slash = strrchr(folder, '/');
     if (slash)
         slash[slash == folder] = '\0';
-    doctor_folder(f, "record", "bags go to", slash ? folder : ".");
+    look_at_folder(f, "record", "bags go to", slash ? folder : ".");
 }
 
 static void look_at_bag(const struct doctor *d, const struct launchfile *l,
@@ -297,7 +298,7 @@ void doctor_launch(const void *ctx, struct findings *f)
     finding_add(f, FINDING_OK, "launch", "%s: %s", d->launch, nodes);
     look_at_host(d, l, f);
     if (doctor_runs(d, l, "report"))
-        doctor_folder(f, "results", "results go to", l->report.folder);
+        look_at_folder(f, "results", "results go to", l->report.folder);
     look_at_record(d, l, f);
     look_at_bag(d, l, f);
     launchfile_destroy(l);
@@ -332,5 +333,5 @@ void doctor_run_dir(const void *ctx, struct findings *f)
         finding_todo(f, "as it says, or name another one with --run-dir");
         return;
     }
-    doctor_folder(f, "run-dir", "processes meet in", run_dir);
+    look_at_folder(f, "run-dir", "processes meet in", run_dir);
 }

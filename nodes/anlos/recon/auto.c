@@ -14,83 +14,55 @@
 #include "nodes/rt/export.h"
 #include "recon/imaging/trace_check.h"
 
-/* -- how the elements stand -------------------------------------------------------------
+/* Of a budget may go into learning how the elements stand. */
+#define MOST_STAND 0.2
+
+/* Of what is left of it a look may take so much: an image of which it is known what is in
+ * it makes up for that, measured from 0.1 to 0.5 s. */
+#define MOST_LOOK 0.375
+
+/* -- time -------------------------------------------------------------------------------
  */
-bool recon_auto_is_lost(const struct recon_auto *a)
+/* That can work at the same time. */
+static size_t recon_auto_threads(const struct recon_job *job)
 {
-    return a->probe.coherence.element_m > PLANNER_INCOHERENT_M;
+    size_t cores = usage_default_threads();
+    return job->options->threads < cores ? job->options->threads : cores;
 }
 
-int recon_auto_look_at_elements(struct recon_auto *a, struct recon_job *job)
+/* How much of the budget is gone. */
+static double recon_auto_spent_s(const struct recon_job *job)
 {
-    size_t sampled = recon_auto_pace_sampled(a->pace);
-    double budget_s = job->options->budget_s;
-    double stand_s = a->slowness *
-                     planner_coherence_s(&a->set, sampled, recon_auto_threads(job));
-    int err = 0;
-    a->stands = sampled == 1;
-    a->probe.coherence.element_m = NAN;
-    if (!(budget_s > 0.0) || stand_s <= RECON_AUTO_STAND * budget_s)
-        err = coherence_measure(&a->probe.coherence, &a->set, job->pool);
-    return err == -ENOTSUP ? 0 : err;
+    return job->stages[RECON_PLAN].wall_s + job->stages[RECON_COMPRESS].wall_s +
+           job->stages[RECON_LOOK].wall_s + job->stages[RECON_STACK].wall_s;
 }
 
-/* -- a look at the scene ----------------------------------------------------------------
+/* Where all threads work, or nearly all the time. */
+static double shared_s(const struct recon_job *job, int stage)
+{
+    return job->stages[stage].cpu_s / (double)recon_auto_threads(job);
+}
+
+/* Of the budget, as if no other program had held anything up; INFINITY: there is none. */
+static double recon_auto_left_s(const struct recon_job *job)
+{
+    const struct stopwatch *plan = &job->stages[RECON_PLAN];
+    double spent_s = fmin(plan->wall_s, plan->cpu_s) + shared_s(job, RECON_COMPRESS) +
+                     shared_s(job, RECON_STACK) + shared_s(job, RECON_LOOK);
+    return job->options->budget_s > 0.0 ? job->options->budget_s - spent_s : INFINITY;
+}
+
+/* -- pace -------------------------------------------------------------------------------
  */
-
-/* Without one all of it is imaged, as if nothing were known but how the elements stand
- * and, where that was asked for, whether things mirror. */
-static void know_nothing(struct recon_auto *a)
-{
-    struct probe known = a->probe;
-    a->probe = a->unknown;
-    a->probe.coherence = known.coherence;
-    a->probe.scattering = known.scattering;
-    a->probe.specular = known.specular;
-}
-
-/* What an image of power takes. */
-static double power_s(const struct recon_auto *a, const struct recon_job *job)
-{
-    size_t threads = recon_auto_threads(job);
-    return a->slowness * (a->probe.specular
-                              ? planner_mirror_s(&a->set, threads)
-                              : planner_image_s(&a->set, &job->processing.grid,
-                                                "incoherent", false, 1, threads));
-}
-
-/* Is a look at the scene worth its time?  Power takes so long that it always is. */
-static bool look_pays(const struct recon_auto *a, const struct recon_job *job,
-                      double look_s, double left_s)
-{
-    if (recon_auto_is_lost(a))
-        left_s = fmax(left_s, power_s(a, job));
-    return look_s <= RECON_AUTO_MOST_LOOK * left_s;
-}
-
-int recon_auto_look(struct recon_auto *a, struct recon_job *job)
-{
-    const struct grid *grid = &job->processing.grid;
-    double look_s = a->slowness * planner_probe_s(&a->set, grid,
-                                                  recon_auto_pace_stride(a->pace),
-                                                  recon_auto_threads(job));
-    int err =
-        recon_auto_is_lost(a) ? probe_scattering(&a->probe, &a->set, grid, job->pool) : 0;
-    a->looked = !err && look_pays(a, job, look_s, recon_auto_left_s(job));
-    if (a->looked)
-        err = probe_run(&a->probe, &a->set, grid,
-                        isnan(a->probe.coherence.element_m) ? NULL : &a->probe.coherence,
-                        job->pool);
-    else
-        know_nothing(a);
-    return err;
-}
-
-#define COLD   4  /* pings that find caches empty */
-#define ENOUGH 16 /* pings to tell the pace from */
-
+#define COLD    4   /* pings that find caches empty */
+#define ENOUGH  16  /* pings to tell the pace from */
 #define DEPTH_M 1.0 /* that things are expected to fill */
 
+/* On a budget, how many speakers' pings are to be compressed.
+ * The first pings tell what one takes here, in time of the processor, so that what else
+ * runs here counts for nothing; the planner then weighs more pairs against finer steps,
+ * as if nothing were known of the scene.  Where there is time to, a few stage positions
+ * keep all speakers: they tell how the elements stand (recon/planning/coherence). */
 struct recon_auto_pace {
     const struct recon_auto *a;
     const struct recon_job *job;
@@ -102,8 +74,18 @@ struct recon_auto_pace {
     atomic_size_t stride, sampled; /* 0: not chosen yet, every ping counts */
 };
 
-int recon_auto_pace_create(struct recon_auto_pace **out, const struct recon_auto *a,
-                           const struct recon_job *job)
+static void recon_auto_pace_destroy(struct recon_auto_pace *p)
+{
+    if (!p)
+        return;
+    pthread_mutex_destroy(&p->lock);
+    free(p->began_s);
+    free(p);
+}
+
+/* job outlives it.  0, -ENOMEM. */
+static int recon_auto_pace_create(struct recon_auto_pace **out,
+                                  const struct recon_auto *a, const struct recon_job *job)
 {
     struct recon_auto_pace *p = calloc(1, sizeof *p);
     if (!p)
@@ -144,7 +126,7 @@ static void decide(struct recon_auto_pace *p, struct planner_config planner)
     double stride = (double)p->plan.stride;
     double look_s = planner.slowness * planner_probe_s(planner.set, planner.grid,
                                                        p->plan.stride, planner.n_threads);
-    if (look_s > RECON_AUTO_MOST_LOOK * (planner.budget_s - planner.compress_s / stride))
+    if (look_s > MOST_LOOK * (planner.budget_s - planner.compress_s / stride))
         return;
     struct probe seen = p->a->unknown;
     double middle_m = 0.5 * (seen.depth_m[0] + seen.depth_m[1]);
@@ -165,7 +147,7 @@ static void choose(struct recon_auto_pace *p)
     double compress_s = ping_s * (double)n_pings / (double)threads;
     double slowness = compress_s / planner_compress_s(n_pings, g->n_microphones, threads);
     double stand_s = samples_s(p, compress_s, slowness);
-    bool sampled = stand_s <= RECON_AUTO_STAND * o->budget_s;
+    bool sampled = stand_s <= MOST_STAND * o->budget_s;
     const struct stopwatch *plan = &p->job->stages[RECON_PLAN];
     const struct planner_config planner = {
         .set = &p->a->set,
@@ -186,7 +168,9 @@ static void choose(struct recon_auto_pace *p)
     atomic_store(&p->stride, p->plan.stride);
 }
 
-bool recon_auto_pace_wants(struct recon_auto_pace *p, size_t position, size_t speaker)
+/* Is this ping to be compressed?  Its time counts from here. */
+static bool recon_auto_pace_wants(struct recon_auto_pace *p, size_t position,
+                                  size_t speaker)
 {
     size_t stride = atomic_load(&p->stride);
     if (stride && coherence_samples(p->a->set.geometry, position))
@@ -197,7 +181,8 @@ bool recon_auto_pace_wants(struct recon_auto_pace *p, size_t position, size_t sp
     return true;
 }
 
-void recon_auto_pace_done(struct recon_auto_pace *p, size_t position)
+/* It is. */
+static void recon_auto_pace_done(struct recon_auto_pace *p, size_t position)
 {
     if (atomic_load(&p->stride) || p->began_s[position] == 0.0)
         return; /* traces of a file were never asked for */
@@ -210,13 +195,15 @@ void recon_auto_pace_done(struct recon_auto_pace *p, size_t position)
     pthread_mutex_unlock(&p->lock);
 }
 
-size_t recon_auto_pace_stride(const struct recon_auto_pace *p)
+/* Every n-th speaker was, or will be. */
+static size_t recon_auto_pace_stride(const struct recon_auto_pace *p)
 {
     size_t stride = atomic_load(&p->stride);
     return stride ? stride : 1;
 }
 
-size_t recon_auto_pace_sampled(const struct recon_auto_pace *p)
+/* And so many of the positions that tell how the elements stand. */
+static size_t recon_auto_pace_sampled(const struct recon_auto_pace *p)
 {
     return atomic_load(&p->sampled);
 }
@@ -227,13 +214,80 @@ void recon_auto_pace_follow(struct recon_auto_pace *p, size_t stride)
     atomic_store(&p->stride, stride);
 }
 
-void recon_auto_pace_destroy(struct recon_auto_pace *p)
+/* -- how the elements stand -------------------------------------------------------------
+ */
+/* So far from their places that phase says nothing. */
+static bool recon_auto_is_lost(const struct recon_auto *a)
 {
-    if (!p)
-        return;
-    pthread_mutex_destroy(&p->lock);
-    free(p->began_s);
-    free(p);
+    return a->probe.coherence.element_m > PLANNER_INCOHERENT_M;
+}
+
+/* How the elements stand: probe.coherence.  0, -EINVAL, -ENOMEM. */
+static int recon_auto_look_at_elements(struct recon_auto *a, struct recon_job *job)
+{
+    size_t sampled = recon_auto_pace_sampled(a->pace);
+    double budget_s = job->options->budget_s;
+    double stand_s = a->slowness *
+                     planner_coherence_s(&a->set, sampled, recon_auto_threads(job));
+    int err = 0;
+    a->stands = sampled == 1;
+    a->probe.coherence.element_m = NAN;
+    if (!(budget_s > 0.0) || stand_s <= MOST_STAND * budget_s)
+        err = coherence_measure(&a->probe.coherence, &a->set, job->pool);
+    return err == -ENOTSUP ? 0 : err;
+}
+
+/* -- a look at the scene ----------------------------------------------------------------
+ */
+
+/* Without one all of it is imaged, as if nothing were known but how the elements stand
+ * and, where that was asked for, whether things mirror. */
+static void know_nothing(struct recon_auto *a)
+{
+    struct probe known = a->probe;
+    a->probe = a->unknown;
+    a->probe.coherence = known.coherence;
+    a->probe.scattering = known.scattering;
+    a->probe.specular = known.specular;
+}
+
+/* What an image of power takes. */
+static double power_s(const struct recon_auto *a, const struct recon_job *job)
+{
+    size_t threads = recon_auto_threads(job);
+    return a->slowness * (a->probe.specular
+                              ? planner_mirror_s(&a->set, threads)
+                              : planner_image_s(&a->set, &job->processing.grid,
+                                                "incoherent", false, 1, threads));
+}
+
+/* Is a look at the scene worth its time?  Power takes so long that it always is. */
+static bool look_pays(const struct recon_auto *a, const struct recon_job *job,
+                      double look_s, double left_s)
+{
+    if (recon_auto_is_lost(a))
+        left_s = fmax(left_s, power_s(a, job));
+    return look_s <= MOST_LOOK * left_s;
+}
+
+/* The scene, where that is worth its time: fills in the rest of probe, and looked.  0,
+ * -EINVAL, -ENOMEM. */
+static int recon_auto_look(struct recon_auto *a, struct recon_job *job)
+{
+    const struct grid *grid = &job->processing.grid;
+    double look_s = a->slowness * planner_probe_s(&a->set, grid,
+                                                  recon_auto_pace_stride(a->pace),
+                                                  recon_auto_threads(job));
+    int err =
+        recon_auto_is_lost(a) ? probe_scattering(&a->probe, &a->set, grid, job->pool) : 0;
+    a->looked = !err && look_pays(a, job, look_s, recon_auto_left_s(job));
+    if (a->looked)
+        err = probe_run(&a->probe, &a->set, grid,
+                        isnan(a->probe.coherence.element_m) ? NULL : &a->probe.coherence,
+                        job->pool);
+    else
+        know_nothing(a);
+    return err;
 }
 
 const char recon_auto_name[] = "auto";
@@ -311,34 +365,6 @@ static void keep(void *ctx, size_t position, size_t speaker, const float complex
 struct recon_sink recon_auto_sink(struct recon_auto *a)
 {
     return (struct recon_sink){keep, a, wants};
-}
-
-/* -- time -------------------------------------------------------------------------------
- */
-size_t recon_auto_threads(const struct recon_job *job)
-{
-    size_t cores = usage_default_threads();
-    return job->options->threads < cores ? job->options->threads : cores;
-}
-
-double recon_auto_spent_s(const struct recon_job *job)
-{
-    return job->stages[RECON_PLAN].wall_s + job->stages[RECON_COMPRESS].wall_s +
-           job->stages[RECON_LOOK].wall_s + job->stages[RECON_STACK].wall_s;
-}
-
-/* Where all threads work, or nearly all the time. */
-static double shared_s(const struct recon_job *job, int stage)
-{
-    return job->stages[stage].cpu_s / (double)recon_auto_threads(job);
-}
-
-double recon_auto_left_s(const struct recon_job *job)
-{
-    const struct stopwatch *plan = &job->stages[RECON_PLAN];
-    double spent_s = fmin(plan->wall_s, plan->cpu_s) + shared_s(job, RECON_COMPRESS) +
-                     shared_s(job, RECON_STACK) + shared_s(job, RECON_LOOK);
-    return job->options->budget_s > 0.0 ? job->options->budget_s - spent_s : INFINITY;
 }
 
 static void thin_out(const struct recon_auto *a, size_t stride)

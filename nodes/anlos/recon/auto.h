@@ -11,6 +11,8 @@
 #include "recon/planning/planner.h"
 #include "recon/planning/probe.h"
 
+struct recon_auto_pace;
+
 struct recon_auto {
     struct trace_set set;
     float complex *traces; /* [position][speaker][microphone][format.n_samples] */
@@ -63,18 +65,6 @@ bool recon_auto_retreat(struct recon_auto *a, struct recon_job *job);
 /* Traces to the job's imager. */
 int recon_auto_feed(const struct recon_auto *a, struct recon_job *job, struct error *why);
 
-/* That can work at the same time. */
-size_t recon_auto_threads(const struct recon_job *job);
-
-/* Of a budget may go into learning how the elements stand. */
-#define RECON_AUTO_STAND 0.2
-
-/* Of the budget, as if no other program had held anything up; INFINITY: there is none. */
-double recon_auto_left_s(const struct recon_job *job);
-
-/* How much of the budget is gone. */
-double recon_auto_spent_s(const struct recon_job *job);
-
 /* What was seen, chosen, and left out, and why. */
 json_t *recon_auto_report(const struct recon_auto *a, const struct recon_job *job);
 
@@ -82,49 +72,8 @@ json_t *recon_auto_report(const struct recon_auto *a, const struct recon_job *jo
 void recon_auto_print(const struct recon_auto *a, const struct recon_job *job);
 void recon_auto_destroy(struct recon_auto *a);
 
-/* Inside `--method auto`: what is looked at before the decision, as far as the budget
- * allows. */
-
-/* Of what is left of the budget a look may take so much: an image of which it is known
- * what is in it makes up for that, measured from 0.1 to 0.5 s. */
-#define RECON_AUTO_MOST_LOOK 0.375
-
-/* How the elements stand: probe.coherence.  0, -EINVAL, -ENOMEM. */
-int recon_auto_look_at_elements(struct recon_auto *a, struct recon_job *job);
-
-/* So far from their places that phase says nothing. */
-bool recon_auto_is_lost(const struct recon_auto *a);
-
-/* The scene, where that is worth its time: fills in the rest of probe, and looked.  0,
- * -EINVAL, -ENOMEM. */
-int recon_auto_look(struct recon_auto *a, struct recon_job *job);
-
-/* Inside `--method auto`: on a budget, how many speakers' pings are to be compressed.
- * The first pings tell what one takes here, in time of the processor, so that what else
- * runs here counts for nothing; the planner then weighs more pairs against finer steps,
- * as if nothing were known of the scene.  Where there is time to, a few stage positions
- * keep all speakers: they tell how the elements stand (recon/planning/coherence). */
-
-struct recon_auto_pace;
-
-/* job outlives it.  0, -ENOMEM. */
-int recon_auto_pace_create(struct recon_auto_pace **out, const struct recon_auto *a,
-                           const struct recon_job *job);
-
-/* Is this ping to be compressed?  Its time counts from here. */
-bool recon_auto_pace_wants(struct recon_auto_pace *p, size_t position, size_t speaker);
-
-/* It is. */
-void recon_auto_pace_done(struct recon_auto_pace *p, size_t position);
-
-/* Every n-th speaker was, or will be. */
-size_t recon_auto_pace_stride(const struct recon_auto_pace *p);
-
-/* And so many of the positions that tell how the elements stand. */
-size_t recon_auto_pace_sampled(const struct recon_auto_pace *p);
-
-/* No choice any more: as another has chosen. */
+/* On a budget, no choice any more of how many speakers' pings are compressed: every
+ * stride-th, as another has chosen. */
 void recon_auto_pace_follow(struct recon_auto_pace *p, size_t stride);
-void recon_auto_pace_destroy(struct recon_auto_pace *p);
 
 #endif

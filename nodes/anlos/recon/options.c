@@ -250,7 +250,9 @@ int recon_options_check(const struct recon_options *o, const char *command)
     return 0;
 }
 
-int recon_options_check_all(struct recon_options *o)
+/* The same of all of `anlos recon`, also of a bag or an optical scan, whose defaults it
+ * sets. */
+static int recon_options_check_all(struct recon_options *o)
 {
     if (o->has_gate && !o->confocal)
         return usage_error("recon", "--gate-m belongs to --confocal; a survey names its "

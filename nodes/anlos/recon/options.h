@@ -74,8 +74,4 @@ bool recon_options_parse(struct recon_options *o, int argc, char **argv, int *ex
  * are missing.  0, or EXIT_BAD_INPUT after printing. */
 int recon_options_check(const struct recon_options *o, const char *command);
 
-/* The same of all of `anlos recon`, also of a bag or an optical scan, whose defaults it
- * sets. */
-int recon_options_check_all(struct recon_options *o);
-
 #endif

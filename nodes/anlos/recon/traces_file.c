@@ -333,7 +333,8 @@ static double power_within(const struct rebander *x, const double *power, long f
     return sum;
 }
 
-double traces_bin_hz(const struct traces_raw *r)
+/* How far apart the frequencies are that traces of this length tell. */
+static double traces_bin_hz(const struct traces_raw *r)
 {
     return r->rate_hz / (double)fft_size(r->n_samples + PAD, 1.2);
 }
@@ -442,8 +443,14 @@ static void convert(struct rebander *x, const struct traces_raw *r, struct trace
     }
 }
 
-int traces_reband(struct traces_file *t, const struct traces_raw *r,
-                  const double band_hz[2])
+/* From n_pings and masked: band_hz, format, traces, cut and unsure of *t.  band_hz [2]:
+ * the band that is wanted; NULL: it is found.  Noise (dsp/stationary.h) may be louder
+ * than the echoes: where there are some, the band is of them and of what may be some, and
+ * what was cut outside of it is told.  0, -EINVAL (no band), -ERANGE (band_hz: there is
+ * no such frequency in the traces), -EDOM (it is narrower than two of traces_bin_hz above
+ * 0), -ENOMEM. */
+static int traces_reband(struct traces_file *t, const struct traces_raw *r,
+                         const double band_hz[2])
 {
     struct rebander x;
     int err = rebander_create(&x, r);

@@ -76,16 +76,4 @@ struct traces_raw {
 int traces_band(const double *power, size_t n, size_t n_used, size_t n_spectra,
                 size_t *first, size_t *width);
 
-/* How far apart the frequencies are that traces of this length tell. */
-double traces_bin_hz(const struct traces_raw *r);
-
-/* From n_pings and masked: band_hz, format, traces, cut and unsure of *t.  band_hz [2]:
- * the band that is wanted; NULL: it is found.  Noise (dsp/stationary.h) may be louder
- * than the echoes: where there are some, the band is of them and of what may be some, and
- * what was cut outside of it is told.  0, -EINVAL (no band), -ERANGE (band_hz: there is
- * no such frequency in the traces), -EDOM (it is narrower than two of traces_bin_hz above
- * 0), -ENOMEM. */
-int traces_reband(struct traces_file *t, const struct traces_raw *r,
-                  const double band_hz[2]);
-
 #endif

@@ -50,8 +50,8 @@ int drive_bag_world_ego(struct drive_bag_world *w, const Anlos__EgoMotion *m, in
     return 0;
 }
 
-int drive_bag_world_walls(struct drive_bag_world *w, const Anlos__WallList *m, int64_t ns,
-                          struct error *why)
+static int drive_bag_world_walls(struct drive_bag_world *w, const Anlos__WallList *m,
+                                 int64_t ns, struct error *why)
 {
     struct walls walls;
     int err = walls_from_message(&walls, m, why);
@@ -70,7 +70,8 @@ int drive_bag_world_walls(struct drive_bag_world *w, const Anlos__WallList *m, i
     return 0;
 }
 
-double drive_bag_world_s(const struct drive_bag_world *w, int64_t ns)
+/* Time since begin_ns. */
+static double drive_bag_world_s(const struct drive_bag_world *w, int64_t ns)
 {
     return 1e-9 * (double)(ns - w->begin_ns);
 }

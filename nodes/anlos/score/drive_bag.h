@@ -48,15 +48,10 @@ int drive_bag_world_survey(struct drive_bag_world *w, const Anlos__Survey *m,
                            struct error *why);
 int drive_bag_world_ego(struct drive_bag_world *w, const Anlos__EgoMotion *m, int64_t ns,
                         struct error *why);
-int drive_bag_world_walls(struct drive_bag_world *w, const Anlos__WallList *m, int64_t ns,
-                          struct error *why);
 
 /* How the vehicle moved at a time: the newest that was heard by then, or the first; it
  * stood, where nothing was. */
 struct ego_motion drive_bag_world_motion(const struct drive_bag_world *w, int64_t ns);
-
-/* Time since begin_ns. */
-double drive_bag_world_s(const struct drive_bag_world *w, int64_t ns);
 
 /* At times of that; borrows w. */
 struct drive_truth drive_bag_world_truth(const struct drive_bag_world *w);

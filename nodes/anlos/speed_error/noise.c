@@ -274,8 +274,11 @@ static double echo_energy(const struct bench_trials *t, size_t position, size_t 
     return sum;
 }
 
-int bench_trials_bound(const struct bench_trials *t, bool phase_known,
-                       struct bench_bound *out)
+/* The bound of the point's place, at a raw signal to noise of 0 dB: it falls with the
+ * root of the signal to noise.  A background with as much noise is taken away.  0, -EDOM.
+ */
+static int bench_trials_bound(const struct bench_trials *t, bool phase_known,
+                              struct bench_bound *out)
 {
     const struct survey *s = &t->survey;
     size_t n = s->n_positions * s->n_speakers * s->n_microphones;

@@ -68,11 +68,6 @@ const struct processing *bench_trials_processing(const struct bench_trials *t);
  * about. */
 double bench_trials_power(const struct bench_trials *t);
 
-/* The bound of the point's place, at a raw signal to noise of 0 dB: it falls with the
- * root of the signal to noise.  A background with as much noise is taken away.  0, -EDOM.
- */
-int bench_trials_bound(const struct bench_trials *t, bool phase_known,
-                       struct bench_bound *out);
 void bench_trials_destroy(struct bench_trials *t);
 
 /* Position error of one point over raw signal to
