@@ -42,7 +42,7 @@ struct connection {
     const struct web_endpoint *endpoint; /* NULL: HTTP, or not known yet */
     void *client;                        /* NULL: not open */
     struct web_frame frame;              /* that is being sent */
-    bool sends, says_goodbye, too_large;
+    bool sends, too_large;
     size_t sent;
     uint8_t *part; /* [n_part] of a message that has not ended */
     size_t n_part;
