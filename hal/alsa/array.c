@@ -116,16 +116,19 @@ static int open_parts(struct array_alsa *a, const struct device *d, struct error
     int err = rig_load_calibrated(&a->rig, rig, device_option(d, "calibrated"), why);
     if (!err)
         err = firing_from_device(&firing, d, why);
-    if (!err)
-        err = firing_refuse_jitter(&firing, "not of a sound card", why);
+    if (!err && a->rig.survey.n_positions > 1)
+        err = firing_refuse_jitter(&firing, "not of a scan with a stage", why);
     if (!err)
         err = firing_apply(&a->rig.survey, &firing, why);
     if (!background)
         background = a->rig.background;
     if (!err && background && *background)
         err = open_background(a, background, why);
+    /* No two arrays start in the same nanosecond: each has draws of its own. */
+    const struct firing_slots slots =
+        firing_slots(&a->rig.survey, &firing, true, (uint64_t)clock_now_ns(a->clock));
     if (!err)
-        err = alsa_engine_create(&a->engine, d->path, &a->rig, a->clock, why);
+        err = alsa_engine_create(&a->engine, d->path, &a->rig, &slots, a->clock, why);
     if (!err && allocate(a))
         err = error_say(why, -ENOMEM, "out of memory");
     return err;

@@ -142,18 +142,20 @@ static int allocate(struct alsa_shot *s)
                : -ENOMEM;
 }
 
-int alsa_shot_create(struct alsa_shot *out, const struct rig *rig)
+int alsa_shot_create(struct alsa_shot *out, const struct rig *rig,
+                     const struct firing_slots *slots)
 {
     const struct survey *s = &rig->survey;
     size_t tail = tail_samples(s), whole = s->n_speakers * s->slot_samples + tail;
     size_t endless = RING_S * (size_t)s->sample_rate_hz + 2 * rig->buffer_frames +
-                     s->slot_samples + tail;
+                     s->slot_samples + slots->jitter_samples + tail;
     *out = (struct alsa_shot){.rig = rig};
     if (pthread_mutex_init(&out->mutex, NULL))
         return -ENOMEM;
     out->n_frames = whole > endless ? whole : endless;
     int err = slot_plan_create(&out->plan, s->slot_samples, tail,
                                out->n_frames / s->slot_samples + 1);
+    out->plan.endless = *slots;
     if (!err)
         err = allocate(out);
     if (err)
@@ -217,7 +219,7 @@ bool alsa_shot_read(const struct alsa_shot *s, size_t k, int64_t *t0_ns)
 void alsa_shot_copy(const struct alsa_shot *s, size_t k, float *out)
 {
     size_t n = s->plan.slot_samples + s->plan.tail_samples;
-    size_t at = k * s->plan.slot_samples % s->n_frames;
+    size_t at = slot_plan_offset(&s->plan, k) % s->n_frames;
     size_t head = n < s->n_frames - at ? n : s->n_frames - at;
     for (size_t m = 0; m < s->rig->survey.n_microphones; m++) {
         const float *x = s->recording + m * s->n_frames;
@@ -312,7 +314,7 @@ void alsa_shot_fill(const struct alsa_shot *s, const struct alsa_stream *stream,
 static size_t room_for(const struct alsa_shot *s, size_t at, size_t n)
 {
     size_t slot = of_number(atomic_load(&s->released), s->under_way.number);
-    size_t end = slot * s->plan.slot_samples + s->n_frames;
+    size_t end = slot_plan_offset(&s->plan, slot) + s->n_frames;
     return at >= end ? 0 : n < end - at ? n : end - at;
 }
 
@@ -337,7 +339,7 @@ void alsa_shot_take(struct alsa_shot *s, const struct alsa_stream *stream,
 
 static int64_t slot_ns(const struct alsa_shot *s, size_t k, int64_t origin_ns)
 {
-    double frames = (double)(s->plan.origin + (k - s->plan.first) * s->plan.slot_samples);
+    double frames = (double)slot_plan_start(&s->plan, k);
     return origin_ns + (int64_t)(frames / s->rig->survey.sample_rate_hz * 1e9);
 }
 
@@ -742,13 +744,14 @@ static void warn(struct alsa_engine *e)
                            1e3 * (double)e->rig->buffer_frames / rate_hz);
 }
 
-static int open_parts(struct alsa_engine *e, const char *device, struct error *why)
+static int open_parts(struct alsa_engine *e, const char *device,
+                      const struct firing_slots *slots, struct error *why)
 {
     e->device = strdup(device);
     e->stop_fd = eventfd(0, EFD_CLOEXEC);
     e->news_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     if (!e->device || e->stop_fd < 0 || e->news_fd < 0 ||
-        alsa_shot_create(&e->shot, e->rig))
+        alsa_shot_create(&e->shot, e->rig, slots))
         return error_say(why, -ENOMEM, "out of memory");
     int err = alsa_duplex_open(&e->duplex, device, e->rig, why);
     e->is_open = !err;
@@ -769,8 +772,8 @@ static int start_thread(struct alsa_engine *e, struct error *why)
 }
 
 int alsa_engine_create(struct alsa_engine **out, const char *device,
-                       const struct rig *rig, const struct clock_source *clock,
-                       struct error *why)
+                       const struct rig *rig, const struct firing_slots *slots,
+                       const struct clock_source *clock, struct error *why)
 {
     struct alsa_engine *e = calloc(1, sizeof *e);
     if (!e || alsa_report_create(&e->report)) {
@@ -779,7 +782,7 @@ int alsa_engine_create(struct alsa_engine **out, const char *device,
     }
     e->rig = rig;
     e->clock = clock;
-    int err = open_parts(e, device, why);
+    int err = open_parts(e, device, slots, why);
     if (!err) {
         warn(e);
         err = start_thread(e, why);

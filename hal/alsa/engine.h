@@ -95,8 +95,9 @@ struct alsa_shot {
     atomic_uint_fast64_t settled, released; /* slots, with the order's number */
 };
 
-/* rig is not copied.  0, -ENOMEM. */
-int alsa_shot_create(struct alsa_shot *out, const struct rig *rig);
+/* rig is not copied; slots: of endless shots.  0, -ENOMEM. */
+int alsa_shot_create(struct alsa_shot *out, const struct rig *rig,
+                     const struct firing_slots *slots);
 
 /* The shot before must be settled whole, or halted. */
 void alsa_shot_fire(struct alsa_shot *s, const struct array_shot *shot);
@@ -147,10 +148,11 @@ void alsa_shot_clear(struct alsa_shot *s);
 struct alsa_engine;
 
 /* Opens the device and starts the thread.  rig and clock must live on; the clock is asked
- * by the thread.  Errors are those of alsa_stream_open, and -ENOMEM. */
+ * by the thread.  slots: of endless shots.  Errors are those of alsa_stream_open, and
+ * -ENOMEM. */
 int alsa_engine_create(struct alsa_engine **out, const char *device,
-                       const struct rig *rig, const struct clock_source *clock,
-                       struct error *why);
+                       const struct rig *rig, const struct firing_slots *slots,
+                       const struct clock_source *clock, struct error *why);
 
 /* What it plays and records, to be fired and read. */
 struct alsa_shot *alsa_engine_shot(struct alsa_engine *e);

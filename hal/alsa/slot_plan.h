@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /* hal/alsa/slot_plan.h -- which frames of a running stream belong to which emission of a
- * shot. Slot k of a shot begins slot_samples after slot k-1; what is recorded of it is
- * the slot and the tail behind it, into which the next slots' emissions fall; a slot's
+ * shot. Slot k of a shot begins slot_samples after slot k-1, or somewhat later in an
+ * endless one (hal/survey/firing.h); what is recorded of it is slot_samples and the tail
+ * behind them, into which the next slots' emissions fall; a slot's
  * emission may last longer than the slot, and sounds together with the next ones' then.
  * Frames count from the start of the stream, and playback frame n is heard in capture
  * frame n.
@@ -15,13 +16,17 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "hal/survey/firing.h"
+
 #define SLOT_PLAN_ENDLESS ((size_t)1 << 40) /* slots: 1000 years of 30 ms */
 
 struct slot_plan {
     size_t slot_samples, tail_samples;
-    size_t n_slots;   /* of the shot; 0: none is loaded */
-    size_t first;     /* slots from here on lie at the origin */
-    uint64_t origin;  /* frame at which slot `first` begins */
+    struct firing_slots endless; /* of endless shots; may be set before one is loaded */
+    struct firing_slots slots;   /* of the shot */
+    size_t n_slots;              /* of the shot; 0: none is loaded */
+    size_t first;                /* slots from here on lie at the origin */
+    uint64_t origin;             /* frame at which slot `first` begins */
     size_t n_settled; /* slots whose fate is known; all of them: the shot is over */
     bool placed;      /* there is an origin */
     size_t gap[2];    /* of the recording, from and to: it was not kept */
@@ -41,6 +46,12 @@ struct slot_piece {
 int slot_plan_create(struct slot_plan *out, size_t slot_samples, size_t tail_samples,
                      size_t max_slots);
 
+/* Frames from slot 0 to slot k, if no break comes between. */
+uint64_t slot_plan_offset(const struct slot_plan *p, size_t k);
+
+/* The frame at which a slot from `first` on begins. */
+uint64_t slot_plan_start(const struct slot_plan *p, size_t k);
+
 /* A new shot of n_slots, or SLOT_PLAN_ENDLESS, not yet placed. */
 void slot_plan_load(struct slot_plan *p, size_t n_slots);
 
@@ -57,7 +68,7 @@ struct slot_piece slot_plan_emission(const struct slot_plan *p, size_t slot,
                                      uint64_t frame, size_t n, size_t n_emission);
 
 /* The stretch that is recorded: offset counts in the recording of the whole shot, where
- * slot k begins at k * slot_samples. */
+ * slot k begins at slot_plan_offset(k). */
 struct slot_piece slot_plan_recording(const struct slot_plan *p, uint64_t frame,
                                       size_t n);
 

@@ -7,7 +7,6 @@
 #include <string.h>
 
 #include "hal/alsa/emission.h"
-#include "hal/random.h"
 #include "hal/room/microphones.h"
 #include "hal/room/propagate.h"
 #include "hal/room/vector.h"
@@ -83,12 +82,16 @@ static int create_one(struct interferer *out, const struct interferers_config *c
 {
     const struct survey *s = cfg->survey;
     const struct scene_interferer *from = &cfg->scene->interferers[number];
-    double clock_hz = s->sample_rate_hz * (1 + 1e-6 * from->clock_ppm);
-    size_t slot = from->slot_samples ? *from->slot_samples : s->slot_samples;
-    *out = (struct interferer){.scene = from,
-                               .slot_s = (double)(slot + from->jitter_samples) / clock_hz,
-                               .jitter_s = from->jitter_samples / clock_hz,
-                               .seed = (uint64_t)cfg->scene->seed << 32 | number};
+    uint64_t seed = (uint64_t)cfg->scene->seed << 32 | STREAM_INTERFERER << 16 | number;
+    struct survey of_its = *s; /* borrows */
+    if (from->slot_samples)
+        of_its.slot_samples = *from->slot_samples;
+    const struct firing firing = {.jitter_samples = from->jitter_samples};
+    bool staggers = !from->stagger || *from->stagger;
+    *out =
+        (struct interferer){.scene = from,
+                            .clock_hz = s->sample_rate_hz * (1 + 1e-6 * from->clock_ppm),
+                            .slots = firing_slots(&of_its, &firing, staggers, seed)};
     set_gains(out, cfg);
     int err = place(out, s);
     return err ? err : create_emitter(out, cfg, n_heard);
@@ -134,10 +137,7 @@ void interferer_emission(const struct interferer *i, double period_s, uint64_t n
                          struct interferer_emission *out)
 {
     const double *during_s = i->scene->during_s;
-    struct random r;
-    random_seed(&r, (uint64_t[]){i->seed, STREAM_INTERFERER, number}, 3);
-    out->t_s = i->scene->start_s + (double)number * i->slot_s +
-               (i->jitter_s > 0 ? random_even(&r) * i->jitter_s : 0);
+    out->t_s = i->scene->start_s + (double)firing_start(&i->slots, number) / i->clock_hz;
     out->speaker = (size_t)(number % i->n_speakers);
     double at_s = fmod(out->t_s, period_s);
     out->sounds = !during_s || (at_s >= during_s[0] && at_s < during_s[1]);
@@ -145,6 +145,5 @@ void interferer_emission(const struct interferer *i, double period_s, uint64_t n
 
 uint64_t interferer_next(const struct interferer *i, double t_s)
 {
-    double n = ceil((t_s - i->scene->start_s - i->jitter_s) / i->slot_s);
-    return n > 0 ? (uint64_t)n : 0;
+    return firing_slot_before(&i->slots, (t_s - i->scene->start_s) * i->clock_hz);
 }

@@ -13,15 +13,15 @@
 #include "hal/room/emitter.h"
 #include "hal/room/faults.h"
 #include "hal/room/scene.h"
+#include "hal/survey/firing.h"
 #include "recon/survey.h"
 
 struct interferer {
     const struct scene_interferer *scene; /* not owned */
     double (*speakers_m)[3];              /* [n_speakers], over ground */
     size_t n_speakers;
-    double slot_s;            /* of world time, from one emission to the next */
-    double jitter_s;          /* an emission comes up to so much later */
-    uint64_t seed;            /* of its jitter */
+    double clock_hz; /* in world time */
+    struct firing_slots slots;
     double direct, wall_echo; /* gains of those two ways */
     struct emitter *emitter;  /* its one chirp */
 };

@@ -319,13 +319,14 @@ int room_load_drawn(struct room **out, const char *path, const struct firing *fi
     int err = scene_load(&r->scene, &r->survey, path, why);
     if (!err && firing)
         err = firing_apply(&r->survey, firing, why);
-    if (!err && firing)
-        r->jitter_samples = (size_t)firing->jitter_samples;
     if (err)
         goto fail;
     r->scene->seed = draw_seed(r->scene->seed, draw);
     if (draw)
         scene_draw(r->scene, &r->survey);
+    static const struct firing as_it_is = {.stagger = FIRING_STAGGER_AS_IT_IS};
+    r->slots = firing_slots(&r->survey, firing ? firing : &as_it_is,
+                            r->scene->n_interferers > 0, r->scene->seed);
     const struct scene *s = r->scene;
     if (set_truth(r) < 0)
         err = error_say(why, -ENOMEM, "%s: out of memory", path);

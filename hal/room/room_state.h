@@ -42,7 +42,7 @@ struct room {
     struct faults faults;
     struct noise noise;
     struct interferers interferers;
-    size_t jitter_samples; /* of our emissions */
+    struct firing_slots slots; /* of our endless shots */
     struct world world;
     struct pose pose;
     struct drive drive;

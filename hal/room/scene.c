@@ -131,6 +131,7 @@ static const cyaml_schema_field_t interferer_fields[] = {
     NUMBER(scene_interferer, clock_ppm, OPTIONAL),
     CYAML_FIELD_UINT_PTR("slot_samples", OPTIONAL, struct scene_interferer, slot_samples),
     CYAML_FIELD_UINT("jitter_samples", OPTIONAL, struct scene_interferer, jitter_samples),
+    CYAML_FIELD_BOOL_PTR("stagger", OPTIONAL, struct scene_interferer, stagger),
     NUMBER(scene_interferer, level_db, OPTIONAL),
     CYAML_FIELD_BOOL("down", OPTIONAL, struct scene_interferer, down),
     VECTOR_PTR(scene_interferer, during_s, 2),

@@ -131,6 +131,7 @@ struct scene_interferer {
     double clock_ppm;       /* its clock is so much faster */
     uint32_t *slot_samples; /* of its clock; default: as many as ours */
     uint32_t jitter_samples;
+    bool *stagger;    /* default: yes */
     double level_db;  /* against our speakers */
     bool down;        /* its chirps run from their stop to their start */
     double *during_s; /* [2] only from one time of the drive to another */

@@ -74,9 +74,8 @@ uint64_t room_stream_start(const struct room_stream *s, uint64_t n)
     uint64_t round = n / s->n_speakers;
     uint64_t slot = round * survey_slots(survey, s->n_speakers) +
                     survey_slot_of(survey, n % s->n_speakers);
-    size_t jitter = s->room->jitter_samples;
-    return slot * (survey->slot_samples + jitter) +
-           firing_jitter(jitter, s->room->scene->seed, slot);
+    return s->cfg.n_emissions ? slot * survey->slot_samples
+                              : firing_start(&s->room->slots, slot);
 }
 
 /* Lets the line begin at a later sample. */
@@ -190,7 +189,8 @@ int room_stream_ping(struct room_stream *s, uint64_t n, const float **samples)
     if (n < s->asked)
         return -EINVAL;
     s->asked = n;
-    if (r->jitter_samples && start - s->base <= r->n_heard) /* between two pings, too */
+    bool longer = r->slots.jitter_samples || r->slots.stagger_samples;
+    if (longer && start - s->base <= r->n_heard) /* between two pings, too */
         add_noise(s, start);
     advance(s, start);
     add_noise(s, start + s->n_ping);

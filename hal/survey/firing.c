@@ -7,7 +7,7 @@
 
 #include "hal/random.h"
 
-enum { STREAM_JITTER = 17 };
+enum { STREAM_JITTER = 17, STREAM_STAGGER = 18 };
 
 #define MOST_SAMPLES 1e6
 #define MOST_S       1.0
@@ -46,7 +46,10 @@ int firing_from_device(struct firing *out, const struct device *d, struct error 
     int on = both < 0 ? both : device_choice(d, "continuous", ways, why);
     if (on >= 0 && device_option(d, "continuous"))
         out->stage = on ? FIRING_STAGE_GOES_ON : FIRING_STAGE_STOPS;
-    return on < 0 ? on : 0;
+    int staggers = on < 0 ? on : device_choice(d, "stagger", ways, why);
+    if (staggers >= 0 && device_option(d, "stagger"))
+        out->stagger = staggers ? FIRING_STAGGER_YES : FIRING_STAGGER_NO;
+    return staggers < 0 ? staggers : 0;
 }
 
 int firing_refuse_jitter(const struct firing *f, const char *why_not, struct error *why)
@@ -98,12 +101,48 @@ int firing_apply(struct survey *s, const struct firing *f, struct error *why)
     return err ? error_say(why, err, "with the options of the array: %s", inner.text) : 0;
 }
 
-size_t firing_jitter(size_t jitter_samples, uint64_t seed, uint64_t slot)
+struct firing_slots firing_slots(const struct survey *s, const struct firing *f,
+                                 bool staggers, uint64_t seed)
+{
+    struct firing_slots slots = {.slot_samples = s->slot_samples, .seed = seed};
+
+    if (f->stagger != FIRING_STAGGER_AS_IT_IS)
+        staggers = f->stagger == FIRING_STAGGER_YES;
+    if (f->jitter_samples > 0.0)
+        slots.jitter_samples = (size_t)f->jitter_samples;
+    else if (staggers)
+        slots.stagger_samples = s->slot_samples / FIRING_STAGGER_PART;
+    return slots;
+}
+
+static uint64_t draw(const struct firing_slots *f, uint64_t stream, uint64_t which,
+                     size_t n)
 {
     struct random r;
 
-    if (!jitter_samples)
-        return 0;
-    random_seed(&r, (uint64_t[]){seed, STREAM_JITTER, slot}, 3);
-    return (size_t)(random_even(&r) * (double)(jitter_samples + 1));
+    random_seed(&r, (uint64_t[]){f->seed, stream, which}, 3);
+    return (uint64_t)(random_even(&r) * (double)n);
+}
+
+uint64_t firing_start(const struct firing_slots *f, uint64_t slot)
+{
+    uint64_t start = slot * (f->slot_samples + f->jitter_samples);
+
+    if (f->jitter_samples)
+        return start + draw(f, STREAM_JITTER, slot, f->jitter_samples + 1);
+    if (!f->stagger_samples)
+        return start;
+    uint64_t block = slot / FIRING_STAGGER_SLOTS;
+    uint64_t longer = draw(f, STREAM_STAGGER, block, FIRING_STAGGER_SLOTS - 1);
+    return start + f->stagger_samples * (block + (slot % FIRING_STAGGER_SLOTS > longer));
+}
+
+uint64_t firing_slot_before(const struct firing_slots *f, double sample)
+{
+    double longer = (double)f->jitter_samples +
+                    (double)f->stagger_samples / FIRING_STAGGER_SLOTS;
+    double latest = (double)(f->jitter_samples + f->stagger_samples);
+    double n = ceil((sample - latest) / ((double)f->slot_samples + longer));
+
+    return n > 0.0 ? (uint64_t)n : 0;
 }

@@ -8,10 +8,12 @@
  *   sim:corner.yaml?continuous=yes&slot_samples=1632    while the stage goes on
  *   sim:corner.yaml?positions=16                        half as many
  *   sim:bumper.yaml?jitter_samples=192                  each emission up to 4 ms later
+ *   alsa:DEVICE?rig=rig.yaml&stagger=no                 all slots of one length
  */
 #ifndef ANLOS_HAL_SURVEY_FIRING_H
 #define ANLOS_HAL_SURVEY_FIRING_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -22,10 +24,12 @@
 /* Keys for device_parse. */
 #define FIRING_KEYS                                                                      \
     "slot_samples", "together", "alternates", "chirp_s", "far_m", "continuous",          \
-        "positions", "jitter_samples"
+        "positions", "jitter_samples", "stagger"
 
 enum firing_chirps { FIRING_AS_THEY_ARE, FIRING_ONE_WAY, FIRING_BOTH_WAYS };
 enum firing_stage { FIRING_STAGE_AS_IT_IS, FIRING_STAGE_STOPS, FIRING_STAGE_GOES_ON };
+
+enum firing_stagger { FIRING_STAGGER_AS_IT_IS, FIRING_STAGGER_NO, FIRING_STAGGER_YES };
 
 struct firing { /* 0: as the file says */
     double slot_samples, together;
@@ -36,6 +40,7 @@ struct firing { /* 0: as the file says */
      * at a random one of these samples.  So the chirps of another array come at another
      * delay from ping to ping (dsp/async_pulse.h), whatever its clock. */
     double jitter_samples;
+    enum firing_stagger stagger; /* where there is no jitter: firing_slots */
     enum firing_chirps chirps;
     enum firing_stage stage;
 };
@@ -52,7 +57,29 @@ int firing_apply(struct survey *s, const struct firing *f, struct error *why);
 /* Where slots have no jitter: 0, -EINVAL ("option jitter_samples: " and why_not). */
 int firing_refuse_jitter(const struct firing *f, const char *why_not, struct error *why);
 
-/* By how much the emission of a slot is later, 0..jitter_samples, the same each time. */
-size_t firing_jitter(size_t jitter_samples, uint64_t seed, uint64_t slot);
+/* When the emissions of an endless shot begin.  Two arrays with slots of one length would
+ * hear each other at one delay for seconds, as if something stood there.  So of each
+ * FIRING_STAGGER_SLOTS slots one, drawn, is longer by stagger_samples: what is not ours
+ * is heard so much earlier from then on (recon/frontend/interference.h). */
+struct firing_slots {
+    size_t slot_samples;
+    size_t jitter_samples, stagger_samples; /* one of them, or neither */
+    uint64_t seed;
+};
+
+#define FIRING_STAGGER_SLOTS 8
+#define FIRING_STAGGER_PART  16 /* of a slot; 0.8 % of the pings are lost by that */
+
+/* staggers: where f does not say. */
+struct firing_slots firing_slots(const struct survey *s, const struct firing *f,
+                                 bool staggers, uint64_t seed);
+
+/* Samples from the first slot to the emission of another, the same each time; from each
+ * emission to the next it is a slot at least. */
+uint64_t firing_start(const struct firing_slots *f, uint64_t slot);
+
+/* A slot that begins no later than the first one whose emission comes at a sample or
+ * later, and some slots before that at most. */
+uint64_t firing_slot_before(const struct firing_slots *f, double sample);
 
 #endif

@@ -60,41 +60,85 @@ static size_t find_start(const struct array_ping *ping)
     return 0;
 }
 
-/* The frames of a second and more go through a ring that holds not many more. */
-static void rounds_follow_each_other_without_a_break(void **state)
+/* The frames of a second and more go through a ring that holds not many more.  Pings
+ * begin where their emissions are played: starts[k] frames from the first on; a slot is
+ * `longer` longer at most. */
+enum { PINGS = 90 };
+
+static void go_round(void **state, const char *options, size_t longer,
+                     size_t starts[PINGS])
 {
-    enum { PINGS = 90 };
     static const uint32_t speakers[] = {1, 0};
-    static unsigned char out[(PINGS * SLOT + 16000) * OUTPUTS * 2];
+    static unsigned char out[(PINGS * (SLOT + 200) + 16000) * OUTPUTS * 2];
     const struct array_shot shot = {
         .speakers = speakers, .n_speakers = 2, .endless = true};
     struct array_ping ping;
     struct card c;
-    size_t fed = 0, n = 0, start = 0;
-    card_open(&c, *state, "S16", "", "");
+    size_t fed = 0, start = 0;
+    card_open(&c, *state, "S16", "", options);
     assert_int_equal(array_fire(c.array, &shot), 0);
     for (size_t k = 0; k < PINGS; k++) {
-        feed_until(&c, &fed, 4 * BUFFER + (k + 2) * SLOT); /* with its tail */
+        feed_until(&c, &fed, 4 * BUFFER + (k + 2) * (SLOT + longer)); /* with its tail */
         next(&c, &ping);
-        n = ping.n_samples;
+        size_t n = ping.n_samples;
         assert_true(ping.valid && n > SLOT && n < 2 * SLOT);
         assert_int_equal(ping.shot_index, k % 2);
         assert_int_equal(ping.frame, k / 2 + 1);
         assert_false(ping.down);
-        start = k ? start : find_start(&ping);
-        assert_heard(&ping, start + k * SLOT);
+        size_t at = find_start(&ping); /* of 40000, round which the sound goes */
+        start = k ? start : at;
+        starts[k] =
+            k ? starts[k - 1] + (at + 80000 - start - starts[k - 1] % 40000) % 40000 : 0;
+        assert_heard(&ping, start + starts[k]);
     }
     assert_int_equal(count_of(&c, "slots_invalid"), 0);
     assert_int_equal(count_of(&c, "slots_skipped"), 0);
     card_close(&c);
     assert_int_equal(read_played(&c, out, sizeof out), start);
-    for (size_t k = 0; k < PINGS; k++)
-        for (size_t f = 0; f < SLOT; f++)
+    for (size_t k = 0; k + 1 < PINGS; k++)
+        for (size_t f = 0; f < starts[k + 1] - starts[k]; f++)
             for (size_t o = 0; o < OUTPUTS; o++) {
                 double expected = o == (k % 2 ? 1u : 3u) && f < CHIRP ? chirp(f) : 0;
-                double x = played(&c, out, start + k * SLOT + f, o);
+                double x = played(&c, out, start + starts[k] + f, o);
                 assert_true(fabs(x - expected) <= 0x1p-15);
             }
+}
+
+static void rounds_follow_each_other_without_a_break(void **state)
+{
+    size_t starts[PINGS];
+    go_round(state, "&stagger=no", 0, starts);
+    for (size_t k = 0; k < PINGS; k++)
+        assert_int_equal(starts[k], k * SLOT);
+}
+
+/* By 1500 / 16 = 93 samples. */
+static void one_slot_of_eight_is_longer(void **state)
+{
+    size_t starts[PINGS], last = 0;
+    go_round(state, "", 93, starts);
+    for (size_t k = 1; k < PINGS; k++) {
+        size_t slot = starts[k] - starts[k - 1];
+        assert_true(slot == SLOT || slot == SLOT + 93);
+        assert_true(k - last < 16);
+        last = slot > SLOT ? k : last;
+    }
+    for (size_t k = 0; k + 8 < PINGS; k += 8)
+        assert_int_equal(starts[k + 8] - starts[k], 8 * SLOT + 93);
+}
+
+/* Even from 0 to 200: 90 of them span less than 150 once in a billion. */
+static void with_jitter_emissions_begin_anywhere_in_it(void **state)
+{
+    size_t starts[PINGS];
+    double least = 0, most = 0;
+    go_round(state, "&jitter_samples=200", 200, starts);
+    for (size_t k = 1; k < PINGS; k++) {
+        double later = (double)starts[k] - (double)k * (SLOT + 200);
+        least = fmin(least, later);
+        most = fmax(most, later);
+    }
+    assert_true(most - least <= 200 && most - least > 150);
 }
 
 static void a_halted_shot_is_silent_before_the_next_one(void **state)
@@ -108,7 +152,7 @@ static void a_halted_shot_is_silent_before_the_next_one(void **state)
     struct error why;
     struct card c;
     size_t fed = 0;
-    card_open(&c, *state, "S16", "", "");
+    card_open(&c, *state, "S16", "", "&stagger=no");
     assert_int_equal(array_fire(c.array, &shot), 0);
     feed_until(&c, &fed, 4 * BUFFER + 3 * SLOT);
     for (size_t k = 0; k < 2; k++)
@@ -157,7 +201,7 @@ who_comes_late_goes_on_with_the_newest_and_what_was_lost_is_counted(void **state
     struct array_ping ping;
     struct card c;
     size_t fed = 0, n_void = 0;
-    card_open(&c, *state, "S16", "", "");
+    card_open(&c, *state, "S16", "", "&stagger=no");
     assert_int_equal(array_fire(c.array, &shot), 0);
     let_hear(&c, &fed, 45000);
     next(&c, &ping);
@@ -197,7 +241,7 @@ static void two_speakers_sound_together_in_opposite_directions(void **state)
     struct array_ping ping;
     struct card c;
     size_t fed = 0, start = 0;
-    card_open_survey(&c, *state, SHORT_SURVEY, "S16", "", "");
+    card_open_survey(&c, *state, SHORT_SURVEY, "S16", "", "&stagger=no");
     assert_int_equal(array_fire(c.array, &shot), 0);
     feed_until(&c, &fed, 5000);
     for (size_t k = 0; k < 2 * ROUNDS; k++) {
@@ -369,6 +413,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         TEST(rounds_follow_each_other_without_a_break),
+        TEST(one_slot_of_eight_is_longer),
+        TEST(with_jitter_emissions_begin_anywhere_in_it),
         TEST(a_halted_shot_is_silent_before_the_next_one),
         TEST(who_comes_late_goes_on_with_the_newest_and_what_was_lost_is_counted),
         TEST(two_speakers_sound_together_in_opposite_directions),

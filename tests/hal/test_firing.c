@@ -146,6 +146,66 @@ static void the_array_fires_as_they_say(void **state)
     array_close(a);
 }
 
+static struct firing_slots slots_of(const char *uri, bool staggers, uint64_t seed)
+{
+    const struct survey s = {.slot_samples = 1152};
+    struct error why = {""};
+    struct firing f;
+
+    if (firing_from_uri(&f, uri, &why))
+        fail_msg("%s", why.text);
+    return firing_slots(&s, &f, staggers, seed);
+}
+
+/* By 1152 / 16 samples; which one is drawn, so that of two arrays both are not longer at
+ * once for long. */
+static void one_slot_of_each_eight_is_longer(void **state)
+{
+    const struct firing_slots a = slots_of("alsa:x", true, 1),
+                              b = slots_of("sim:x?stagger=yes", false, 2);
+    size_t at_once = 0;
+
+    (void)state;
+    assert_int_equal(firing_start(&a, 0), 0);
+    for (uint64_t k = 0; k < 1600; k++) {
+        uint64_t slot = firing_start(&a, k + 1) - firing_start(&a, k);
+        uint64_t other = firing_start(&b, k + 1) - firing_start(&b, k);
+        assert_true((slot == 1152 || slot == 1224) && (other == 1152 || other == 1224));
+        at_once += slot > 1152 && other > 1152;
+        if (k % 8 == 0)
+            assert_int_equal(firing_start(&a, k), 1152 * k + 72 * (k / 8));
+    }
+    assert_true(at_once < 50); /* of 200, by chance 1 in 7 */
+}
+
+static void slots_are_of_one_length_where_it_is_said(void **state)
+{
+    (void)state;
+    assert_int_equal(slots_of("alsa:x?stagger=no", true, 1).stagger_samples, 0);
+    assert_int_equal(slots_of("sim:x", false, 1).stagger_samples, 0);
+    const struct firing_slots jitter = slots_of("alsa:x?jitter_samples=9", true, 1);
+    assert_true(jitter.jitter_samples == 9 && jitter.stagger_samples == 0);
+}
+
+/* None is passed by, whatever the slots. */
+static void a_slot_before_a_sample_is_found(void **state)
+{
+    static const char *const uris[] = {"a:x?stagger=no", "a:x", "a:x?jitter_samples=500"};
+
+    (void)state;
+    for (size_t i = 0; i < 3; i++) {
+        const struct firing_slots s = slots_of(uris[i], true, 3);
+        assert_int_equal(firing_slot_before(&s, -1e6), 0);
+        for (uint64_t k = 1; k < 1000; k++) {
+            uint64_t start = firing_start(&s, k);
+            uint64_t at = firing_slot_before(&s, (double)start);
+            uint64_t after = firing_slot_before(&s, (double)start + 1);
+            assert_true(at <= k && at + 2 >= k);
+            assert_true(after <= k + 1);
+        }
+    }
+}
+
 static void what_does_not_go_together_is_refused(void **state)
 {
     static const struct {
@@ -209,6 +269,9 @@ int main(void)
         TEST(fewer_positions_go_as_far),
         TEST(a_stage_goes_on_or_stops_as_they_say),
         TEST(the_array_fires_as_they_say),
+        TEST(one_slot_of_each_eight_is_longer),
+        TEST(slots_are_of_one_length_where_it_is_said),
+        TEST(a_slot_before_a_sample_is_found),
         TEST(what_does_not_go_together_is_refused),
         TEST(a_gate_ends_nearer_only_where_there_is_one),
         TEST(of_a_uri_only_its_own_options_count),

@@ -79,7 +79,7 @@ static void it_is_heard_by_the_clock_and_slots_of_its_own(void **state)
     struct room *r =
         drive_load(state, QUIET BESIDE NO_ECHO
                    "interferers:\n  - {position_m: [0, 0, 4], start_s: 0.005, "
-                   "clock_ppm: 200, slot_samples: 1440}\n");
+                   "clock_ppm: 200, slot_samples: 1440, stagger: no}\n");
     double slot_s = 1440 / (RATE_HZ * (1 + 200e-6));
 
     assert_true(rest_db(r, 0, 0.005, slot_s, &way_m, &one, 1) < -40);
@@ -96,7 +96,8 @@ static void it_is_heard_by_way_of_the_wall_too(void **state)
     struct room *r =
         drive_load(state, QUIET BESIDE
                    "wall_sound: {reflectivity: 0.5, echo: 0}\n"
-                   "interferers:\n  - {position_m: [0, 0, 4], start_s: 0.005}\n");
+                   "interferers:\n  - {position_m: [0, 0, 4], start_s: 0.005, stagger: "
+                   "no}\n");
 
     assert_true(rest_db(r, 3, 0.005, 0.024, ways_m, gains, 2) < -40);
     assert_true(rest_db(r, 3, 0.005, 0.024, ways_m, gains, 1) > -14); /* 12 dB below */

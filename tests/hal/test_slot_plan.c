@@ -3,6 +3,7 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <string.h>
 
 #include <cmocka.h>
 
@@ -222,6 +223,50 @@ static void an_endless_shot_goes_on_after_a_break_without_skipping_a_slot(void *
     slot_plan_clear(&p);
 }
 
+/* Emission, recording and their places in the transfers go by the start of each slot,
+ * before a break and after. */
+static void slots_of_an_endless_shot_need_not_be_of_one_length(void **state)
+{
+    static const struct firing_slots kinds[] = {
+        {.slot_samples = SLOT, .stagger_samples = 9, .seed = 5},
+        {.slot_samples = SLOT, .jitter_samples = 20, .seed = 6}};
+    static const size_t steps[] = {1, 13, 100, 700};
+    static int map[7000];
+    (void)state;
+    for (size_t i = 0; i < 8; i++) {
+        const struct firing_slots *slots = &kinds[i % 2];
+        size_t step = steps[i / 2];
+        struct slot_plan p;
+        assert_int_equal(slot_plan_create(&p, SLOT, TAIL, SLOTS), 0);
+        p.endless = *slots;
+        slot_plan_load(&p, SLOT_PLAN_ENDLESS);
+        slot_plan_place(&p, 50);
+        slot_plan_break(&p, 51); /* slot 0 is void, slot 1 is placed anew */
+        slot_plan_place(&p, 77);
+        memset(map, 0, sizeof map);
+        emit(&p, step, map, 7000 / step * step);
+        uint64_t first = firing_start(slots, 1), end = 0;
+        for (size_t k = 1; end < 6500; k++) {
+            size_t start = (size_t)(77 + firing_start(slots, k) - first);
+            for (size_t f = 0; f < CHIRP && start + f < 6500; f++)
+                assert_int_equal(map[start + f], 1000 * k + f + 1);
+            for (size_t f = start > 77 ? (size_t)end : 77; f < start; f++)
+                assert_int_equal(map[f], 0);
+            end = start + CHIRP;
+            struct slot_piece piece = slot_plan_recording(&p, start, 10);
+            assert_true(piece.n == 10 && !piece.at && piece.slot == k);
+            assert_int_equal(piece.offset, firing_start(slots, k));
+            assert_int_equal(slot_plan_recording(&p, start - 1, 10).slot,
+                             k > 1 ? k - 1 : 1);
+            slot_plan_heard(&p, start + SLOT + TAIL - 1);
+            assert_int_equal(p.n_settled, k);
+            slot_plan_heard(&p, start + SLOT + TAIL);
+            assert_int_equal(p.n_settled, k + 1);
+        }
+        slot_plan_clear(&p);
+    }
+}
+
 /* Slot 2 is 200 to 330 with its tail, slot 3 is 300 to 430. */
 static void slots_that_lost_frames_are_void_and_counted(void **state)
 {
@@ -255,6 +300,7 @@ int main(void)
         cmocka_unit_test(frames_count_on_for_days),
         cmocka_unit_test(emissions_longer_than_a_slot_sound_together),
         cmocka_unit_test(an_endless_shot_goes_on_after_a_break_without_skipping_a_slot),
+        cmocka_unit_test(slots_of_an_endless_shot_need_not_be_of_one_length),
         cmocka_unit_test(slots_that_lost_frames_are_void_and_counted),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

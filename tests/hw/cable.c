@@ -57,8 +57,8 @@ static struct array *open_array(struct scratch *s, const struct way *w)
     struct error why = {.text = ""};
     struct array *a;
     char uri[600];
-    snprintf(uri, sizeof uri, "alsa:%s?rig=%s", w->device ? w->device : "hw:Loopback,0,0",
-             cable_rig(s, w));
+    snprintf(uri, sizeof uri, "alsa:%s?stagger=no&rig=%s",
+             w->device ? w->device : "hw:Loopback,0,0", cable_rig(s, w));
     if (array_open(&a, uri, clock_system(), &why))
         fail_msg("%s", why.text);
     return a;
