@@ -25,7 +25,9 @@ struct interference {
     uint8_t *foreign;                        /* [n_microphones][n_samples] */
     bool hit[INTERFERENCE_PINGS];            /* ring */
     size_t newest, n_hit;
-    bool present;
+    double slot_s;
+    uint16_t looks;       /* a bit for each that is hit, the newest the lowest */
+    bool often, at_looks; /* present by either rule */
     uint64_t pings;
 };
 
@@ -40,6 +42,7 @@ int interference_create(struct interference **out, const struct survey *s,
         return -ENOMEM;
     i->n_speakers = s->n_speakers;
     i->samples_per_m = format->rate_hz / s->sound_speed_m_s;
+    i->slot_s = (double)s->slot_samples / s->sample_rate_hz;
     i->speakers_m = calloc(s->n_speakers, sizeof *i->speakers_m);
     i->foreign = calloc(s->n_microphones * format->n_samples, sizeof *i->foreign);
     int err = i->speakers_m && i->foreign ? 0 : -ENOMEM;
@@ -94,9 +97,32 @@ static void count(struct interference *i, bool hit)
     i->hit[i->newest] = hit;
     i->pings += hit;
     if (i->n_hit >= INTERFERENCE_SOME)
-        i->present = true;
+        i->often = true;
     else if (i->n_hit < INTERFERENCE_FEW)
-        i->present = false;
+        i->often = false;
+}
+
+/* It follows a longer slot, and not one that is missing. */
+static bool is_look(const struct interference *i, const struct ping *ping)
+{
+    double since_s = 1e-9 * (double)(ping->capture_ns - i->before[0].capture_ns);
+
+    return i->any && since_s > (1.0 + INTERFERENCE_LONGER) * i->slot_s &&
+           since_s < 1.5 * i->slot_s;
+}
+
+static void count_look(struct interference *i, bool hit)
+{
+    i->looks = (uint16_t)(i->looks << 1 | hit);
+    if (__builtin_popcount(i->looks & 0xff) >= INTERFERENCE_LOOKS_SOME)
+        i->at_looks = true;
+    else if (__builtin_popcount(i->looks) < INTERFERENCE_LOOKS_FEW)
+        i->at_looks = false;
+}
+
+static bool is_present(const struct interference *i)
+{
+    return i->often || i->at_looks;
 }
 
 const uint8_t *interference_ping(struct interference *i,
@@ -110,17 +136,20 @@ const uint8_t *interference_ping(struct interference *i,
     for (size_t k = 0; k < ASYNC_PULSE_PINGS; k++)
         reach[k] = reach_of(i, &i->before[k], ping, in->speed_m_s);
     bool hit = async_pulse_execute(i->pulses, in->traces, in->masked, reach, i->foreign);
+    bool look = is_look(i, ping);
     memmove(i->before + 1, i->before, (ASYNC_PULSE_PINGS - 1) * sizeof *i->before);
     i->before[0] = (struct before){ping->speaker, ping->capture_ns};
     i->any = true;
     i->subtracted = in->subtracted;
     count(i, hit);
-    return hit && i->present ? i->foreign : NULL;
+    if (look)
+        count_look(i, hit);
+    return hit && is_present(i) ? i->foreign : NULL;
 }
 
 void interference_levels(const struct interference *i, struct interference_levels *out)
 {
-    *out = (struct interference_levels){.present = i->present,
+    *out = (struct interference_levels){.present = is_present(i),
                                         .pings = i->pings,
                                         .share = (double)i->n_hit / INTERFERENCE_PINGS};
 }

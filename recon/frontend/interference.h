@@ -3,8 +3,14 @@
  * ping by ping of a static array: an echo of ours may have moved from ping to ping by how
  * far the speakers stand apart, and by INTERFERENCE_SPEED_M_S and the vehicle's own
  * speed, there and back.  Another array is present once INTERFERENCE_SOME of the newest
- * INTERFERENCE_PINGS are hit, until fewer than INTERFERENCE_FEW are.  While it is, its
- * chirps are taken out of the pings; before, nothing is.
+ * INTERFERENCE_PINGS are hit, until fewer than INTERFERENCE_FEW are.
+ *
+ * One with slots as long as ours is heard at one delay, and no ping is hit but those that
+ * follow a longer slot (hal/survey/firing.h): looks.  By itself one in 200 is, so few are
+ * enough: another array is present, too, once three of the newest 8 looks are hit, until
+ * fewer than two of the newest 16 are.
+ *
+ * While it is present its chirps are taken out of the pings; before, nothing is.
  *
  * What it sends comes by way of everything around, too, at all delays and fainter, where
  * echoes of ours may be.  That stays in the traces. */
@@ -24,6 +30,10 @@
 #define INTERFERENCE_PINGS     48
 #define INTERFERENCE_SOME      12
 #define INTERFERENCE_FEW       8
+
+#define INTERFERENCE_LOOKS_SOME 3          /* of 8 */
+#define INTERFERENCE_LOOKS_FEW  2          /* of 16 */
+#define INTERFERENCE_LONGER     (1.0 / 32) /* of a slot, at least, before a look */
 
 struct interference_levels {
     bool present;

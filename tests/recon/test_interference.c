@@ -28,7 +28,9 @@ struct rig {
 
 static int setup(void **state)
 {
-    const struct survey s = {.sound_speed_m_s = 340.0,
+    const struct survey s = {.sample_rate_hz = 48000.0,
+                             .slot_samples = 960,
+                             .sound_speed_m_s = 340.0,
                              .chirp_start_hz = 2000.0,
                              .chirp_stop_hz = 19000.0,
                              .n_speakers = 2,
@@ -134,6 +136,53 @@ static void it_is_present_from_the_twelfth_hit_on_and_taken_out_then(void **stat
     }
 }
 
+/* A longer slot, by a sixteenth, every fifth ping; what is not ours comes earlier by as
+ * much from then on: 43 of 34000 samples a second. */
+static bool look(struct rig *r, size_t at, bool jumps)
+{
+    for (size_t n = 0; n < 4; n++)
+        hear(r, at);
+    r->now_ns += SLOT_NS / 16;
+    hear(r, jumps ? at - 43 : at);
+    return is_present(r);
+}
+
+/* In each round of five the look and the ping after it are hit: by 12 of 48 it is never
+ * known. */
+static void one_with_slots_like_ours_is_known_at_looks(void **state)
+{
+    struct rig *r = *state;
+
+    for (size_t n = 0; n < 20; n++) /* an echo of ours stays */
+        assert_false(look(r, 250, false));
+    assert_false(look(r, 250, true));
+    assert_false(look(r, 207, false));
+    assert_false(look(r, 207, true));
+    for (size_t n = 0; n < 6; n++) /* two of 8 are not enough, nor two apart */
+        assert_false(look(r, 164, false));
+    assert_false(look(r, 164, true));
+    assert_false(look(r, 121, true));
+    assert_true(look(r, 78, true));
+    for (size_t n = 0; n < 14; n++) /* two of the newest 16 are left */
+        assert_true(look(r, 35, false));
+    assert_false(look(r, 35, false));
+}
+
+/* It is no look. */
+static void a_ping_that_is_missing_makes_no_longer_slot(void **state)
+{
+    struct rig *r = *state;
+
+    for (size_t n = 0; n < 6; n++) {
+        size_t at = n % 2 ? 50 : 250;
+        for (size_t k = 0; k < 8; k++)
+            hear(r, at);
+        r->now_ns += SLOT_NS;
+        hear(r, n % 2 ? 250 : 50);
+        assert_false(is_present(r));
+    }
+}
+
 static void with_a_background_and_without_are_not_held_against_each_other(void **state)
 {
     struct rig *r = *state;
@@ -178,6 +227,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         TEST(an_echo_may_move_as_far_as_speakers_and_speed_let_it),
         TEST(it_is_present_from_the_twelfth_hit_on_and_taken_out_then),
+        TEST(one_with_slots_like_ours_is_known_at_looks),
+        TEST(a_ping_that_is_missing_makes_no_longer_slot),
         TEST(with_a_background_and_without_are_not_held_against_each_other),
         cmocka_unit_test(what_is_taken_out_does_not_count_into_the_background),
     };
