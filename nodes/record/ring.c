@@ -7,7 +7,7 @@
 
 #include "msgs/array.pb-c.h"
 
-#define FIRST_ROOM    1024 /* entries; a power of two, as its multiples */
+#define FIRST_ROOM    16384 /* entries, as of 30 s of a drive; a power of two */
 #define SEGMENT_BYTES ((size_t)2 << 20)
 #define STORED_BYTES  (SEGMENT_BYTES / 4) /* of a message at most */
 

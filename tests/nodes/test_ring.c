@@ -99,9 +99,9 @@ static void all_of_a_long_span_are_kept(void **state)
     (void)state;
     for (uint64_t i = 0; i < 10; i++) /* so that its beginning is not that of its list */
         put(r, i, 10, 0);
-    for (uint64_t i = 10; i < 5000; i++)
+    for (uint64_t i = 10; i < 50000; i++)
         put(r, i, 10, 3601 * S);
-    check_sequences(r, 10, 4999);
+    check_sequences(r, 10, 49999);
     ring_destroy(r);
 }
 
