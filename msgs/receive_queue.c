@@ -7,8 +7,9 @@
 #include <stdatomic.h>
 #include <stdlib.h>
 #include <sys/eventfd.h>
-#include <time.h>
 #include <unistd.h>
+
+#include "msgs/monotonic.h"
 
 #define REPLAYED_BYTES ((size_t)64 << 20)
 
@@ -207,13 +208,6 @@ static struct queue *find_oldest(struct receive_queue *m)
             oldest = q;
     }
     return oldest;
-}
-
-static int64_t monotonic_ms(void)
-{
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (int64_t)t.tv_sec * 1000 + t.tv_nsec / 1000000;
 }
 
 /* Until the descriptor is readable or the time is over; a signal just ends the wait. */

@@ -117,7 +117,7 @@ static int open_parts(struct array_alsa *a, const struct device *d, struct error
     if (!err)
         err = firing_from_device(&firing, d, why);
     if (!err && a->rig.survey.n_positions > 1)
-        err = firing_refuse_jitter(&firing, "not of a scan with a stage", why);
+        err = firing_refuse_uneven(&firing, "not of a scan with a stage", why);
     if (!err)
         err = firing_apply(&a->rig.survey, &firing, why);
     if (!background)

@@ -91,7 +91,7 @@ static int sim_open(void **state, const char *arg, const struct clock_source *cl
     if (!err)
         err = room_load_drawn(&a->room, d.path, &firing, 0, why);
     if (!err && room_survey(a->room)->n_positions > 1)
-        err = firing_refuse_jitter(&firing, "not of a scan with a stage", why);
+        err = firing_refuse_uneven(&firing, "not of a scan with a stage", why);
     if (!err && room_is_drive(a->room) && pace == 0 && device_option(&d, "pace"))
         err = error_say(why, -EINVAL,
                         "option \"pace\": a drive runs at the true pace, "

@@ -49,13 +49,17 @@ int firing_from_device(struct firing *out, const struct device *d, struct error 
     int staggers = on < 0 ? on : device_choice(d, "stagger", ways, why);
     if (staggers >= 0 && device_option(d, "stagger"))
         out->stagger = staggers ? FIRING_STAGGER_YES : FIRING_STAGGER_NO;
+    if (out->stagger == FIRING_STAGGER_YES && out->jitter_samples > 0.0)
+        return error_say(why, -EINVAL, "option stagger: not beside jitter_samples");
     return staggers < 0 ? staggers : 0;
 }
 
-int firing_refuse_jitter(const struct firing *f, const char *why_not, struct error *why)
+int firing_refuse_uneven(const struct firing *f, const char *why_not, struct error *why)
 {
-    return f->jitter_samples > 0.0
-               ? error_say(why, -EINVAL, "option jitter_samples: %s", why_not)
+    if (f->jitter_samples > 0.0)
+        return error_say(why, -EINVAL, "option jitter_samples: %s", why_not);
+    return f->stagger == FIRING_STAGGER_YES
+               ? error_say(why, -EINVAL, "option stagger: %s", why_not)
                : 0;
 }
 

@@ -40,7 +40,7 @@ struct firing { /* 0: as the file says */
      * at a random one of these samples.  So the chirps of another array come at another
      * delay from ping to ping (dsp/async_pulse.h), whatever its clock. */
     double jitter_samples;
-    enum firing_stagger stagger; /* where there is no jitter: firing_slots */
+    enum firing_stagger stagger; /* not yes beside jitter: firing_slots */
     enum firing_chirps chirps;
     enum firing_stage stage;
 };
@@ -54,8 +54,9 @@ int firing_from_uri(struct firing *out, const char *uri, struct error *why);
 /* Into a survey that passes survey_check, and does so afterwards.  0, -EINVAL. */
 int firing_apply(struct survey *s, const struct firing *f, struct error *why);
 
-/* Where slots have no jitter: 0, -EINVAL ("option jitter_samples: " and why_not). */
-int firing_refuse_jitter(const struct firing *f, const char *why_not, struct error *why);
+/* Where all slots have one length and more is asked for: -EINVAL, "option jitter_samples:
+ * " or "option stagger: " and why_not.  Else 0. */
+int firing_refuse_uneven(const struct firing *f, const char *why_not, struct error *why);
 
 /* When the emissions of an endless shot begin.  Two arrays with slots of one length would
  * hear each other at one delay for seconds, as if something stood there.  So of each

@@ -407,7 +407,7 @@ int command_sim(int argc, char **argv)
     if (!err)
         err = firing_from_device(&o.firing, &d, &why);
     if (!err)
-        err = firing_refuse_jitter(&o.firing, "not of a recording", &why);
+        err = firing_refuse_uneven(&o.firing, "not of a recording", &why);
     if (err) {
         fprintf(stderr, "anlos sim: %s\n", why.text);
         device_clear(&d);

@@ -125,6 +125,12 @@ static void accumulate(const struct fit *f, const struct wall *w, bool robust, d
     }
 }
 
+/* Beyond these it is no wall whose echoes are heard; a fit stays there on its way. */
+static double least_bent(const struct wall *w)
+{
+    return -FOCUS / fmax(fabs(w->distance_m), FOCUS / MOST_BENT);
+}
+
 static int round_of_fit(struct fit *f, struct wall_fit *w, bool robust)
 {
     double a[WALL_BENT * WALL_BENT], b[WALL_BENT];
@@ -137,6 +143,7 @@ static int round_of_fit(struct fit *f, struct wall_fit *w, bool robust)
     if (normal_equations_solve(f->unknowns, a, b, LEAST_PIVOT))
         return -EDOM;
     change_by(f, w, b, w);
+    w->curvature_1_m = fmin(fmax(w->curvature_1_m, least_bent(&w->wall)), MOST_BENT);
     return 0;
 }
 
@@ -232,16 +239,15 @@ static void find_middle(struct fit *f)
                 (double)f->n_echoes;
 }
 
-/* By less it may be the elements that are not where they should be; beyond the limits the
- * fit has left the echoes that a wall makes. */
+/* By less it may be the elements that are not where they should be; at a limit it is
+ * none.
+ */
 static bool bends(const struct wall_fit *bent, const struct wall_fit *flat,
                   double sigma_1_m)
 {
-    double curvature = bent->curvature_1_m;
-
-    return bent->n_heard >= flat->n_heard && curvature < MOST_BENT &&
-           curvature * fabs(bent->wall.distance_m) > -FOCUS &&
-           fabs(curvature) >= TOLD_SIGMAS * sigma_1_m;
+    return bent->n_heard >= flat->n_heard && bent->curvature_1_m < MOST_BENT &&
+           bent->curvature_1_m > least_bent(&bent->wall) &&
+           fabs(bent->curvature_1_m) >= TOLD_SIGMAS * sigma_1_m;
 }
 
 /* A plane first; then, where that tells more, what bends.  No -EDOM of the latter. */

@@ -187,6 +187,32 @@ static void slots_are_of_one_length_where_it_is_said(void **state)
     assert_true(jitter.jitter_samples == 9 && jitter.stagger_samples == 0);
 }
 
+static void slots_that_differ_are_refused_where_they_cannot(void **state)
+{
+    struct fake_clock clock;
+    struct error why = {""};
+    struct array *a = NULL;
+    struct firing f;
+    char text[1000], uri[700];
+
+    assert_int_equal(firing_from_uri(&f, "sim:x?stagger=yes&jitter_samples=9", &why),
+                     -EINVAL);
+    assert_non_null(strstr(why.text, "stagger: not beside jitter_samples"));
+    assert_int_equal(firing_from_uri(&f, "sim:x?stagger=no&jitter_samples=9", &why), 0);
+    assert_int_equal(firing_from_uri(&f, "sim:x?stagger=maybe", &why), -EINVAL);
+
+    snprintf(text, sizeof text, "%sstage: {axis: [1, 0, 0], positions_m: [0, 0.01]}\n",
+             scene);
+    const char *path = scratch_write(*state, "scene.yaml", text);
+    fake_clock_set(&clock, INT64_C(1700000000000000000));
+    snprintf(uri, sizeof uri, "sim:%s?stagger=yes", path);
+    assert_int_equal(array_open(&a, uri, &clock.source, &why), -EINVAL);
+    assert_non_null(strstr(why.text, "stagger: not of a scan with a stage"));
+    snprintf(uri, sizeof uri, "sim:%s?jitter_samples=9", path);
+    assert_int_equal(array_open(&a, uri, &clock.source, &why), -EINVAL);
+    assert_non_null(strstr(why.text, "jitter_samples: not of a scan with a stage"));
+}
+
 /* None is passed by, whatever the slots. */
 static void a_slot_before_a_sample_is_found(void **state)
 {
@@ -271,6 +297,7 @@ int main(void)
         TEST(the_array_fires_as_they_say),
         TEST(one_slot_of_each_eight_is_longer),
         TEST(slots_are_of_one_length_where_it_is_said),
+        TEST(slots_that_differ_are_refused_where_they_cannot),
         TEST(a_slot_before_a_sample_is_found),
         TEST(what_does_not_go_together_is_refused),
         TEST(a_gate_ends_nearer_only_where_there_is_one),
