@@ -6,9 +6,9 @@
  * INTERFERENCE_PINGS are hit, until fewer than INTERFERENCE_FEW are.
  *
  * One with slots as long as ours is heard at one delay, and no ping is hit but those that
- * follow a longer slot (hal/survey/firing.h): looks.  By itself one in 200 is, so few are
- * enough: another array is present, too, once three of the newest 8 looks are hit, until
- * fewer than two of the newest 16 are.
+ * follow a longer slot (hal/survey/firing.h): looks.  By itself one of 163 was, so few
+ * are enough: another array is present, too, once three of the newest 8 looks are hit,
+ * until fewer than two of the newest 16 are.
  *
  * While it is present its chirps are taken out of the pings; before, nothing is.
  *

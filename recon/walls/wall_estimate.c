@@ -13,7 +13,7 @@
 #define GUESSES_MOST 12    /* looked into for each list */
 #define SURER        0.2   /* share of the pairs */
 #define EXPLAINED_M  0.035 /* echoes this near to a wall's path are its; its main lobe */
-#define BEND_M       0.5   /* how far beyond what was heard a wall bends on */
+#define BEND_M       0.5   /* how much farther it bends on (bench_bends) */
 
 static const double tolerance_m[2] = {0.08, 0.012};
 
