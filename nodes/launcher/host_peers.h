@@ -33,8 +33,7 @@ struct host_peer {
     bool silent, returned, restarted, ended, other_file, clock_known; /* to be told */
     int64_t silence_ns; /* how long it was */
     uint64_t silences;
-    unsigned
-        n_samples; /* measured since it started; the newest HOST_PEERS_SAMPLES kept */
+    unsigned n_samples; /* since it started; of them the newest are kept */
     double ahead_s[HOST_PEERS_SAMPLES], round_trip_s[HOST_PEERS_SAMPLES];
 };
 
