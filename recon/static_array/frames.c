@@ -6,9 +6,74 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "dsp/pool.h"
+#include "dsp/vector.h"
+#include "recon/coherent/backproject_tile.h"
 #include "recon/imaging/fold.h"
 #include "recon/imaging/trace_check.h"
-#include "recon/static_array/frames_state.h"
+#include "recon/static_array/range_doppler.h"
+
+#define DRIFT_NS 20000000 /* over which an element's motion counts as straight */
+#define FAR_M    1e-3     /* of a path, beyond the last sample: what rounding may do */
+
+struct place {            /* of an element, seen from what is imaged */
+    double delay_at_m[3]; /* at the instant that the ping's delays are those of, */
+    double phase_at_m[3]; /* its phases; */
+    double own_m_s[3];    /* how it goes on by itself while the sound is under way, */
+    double thing_m_s[3];  /* and what is imaged, until the sound is there */
+};
+
+struct held { /* one of the newest pings */
+    bool any;
+    bool shows;  /* something: it is not spoiled */
+    bool counts; /* in the image that is made */
+    bool fresh;  /* its part has to be made */
+    size_t speaker;
+    int64_t stamp_ns;
+    bool down;
+    bool *live;                /* [n_microphones] */
+    uint32_t *words;           /* [n_microphones][fine.n_stored] */
+    float *unit;               /* [n_microphones] */
+    float *weight;             /* [n_microphones] of the traces, 0: not live */
+    struct place *places;      /* [1 + n_microphones] */
+    bool made;                 /* what part is of: */
+    float *made_weight;        /* [n_microphones] */
+    struct place *made_places; /* [1 + n_microphones] */
+    float *part; /* [tile][re, im][TILE_VOXELS], by power [tile][TILE_VOXELS] */
+    float scale; /* of part in the sum */
+};
+
+struct scratch { /* one a thread */
+    struct tile tile;
+    struct tile_path *paths; /* [1 + n_microphones] */
+    bool *hears;             /* [1 + n_microphones]: of the tile */
+};
+
+struct frames {
+    struct frames_config cfg;
+    struct geometry geometry;
+    struct fine_trace fine;
+    struct tile_sound sound;
+    double centre_m[3], spread_m; /* of the elements: mean, rms distance from it */
+    double far_s;                 /* delay of the last sample */
+    uint32_t *cell;               /* [speaker][microphone]: number of its midpoint */
+    size_t n_cells;
+    uint32_t *fold;    /* [n_cells] */
+    struct held *held; /* [n_pings] */
+    size_t newest;
+    struct scratch *own; /* [threads] */
+    float scale;         /* of the sum */
+    float *image;
+    float *alone;       /* [voxels] of the newest ping; NULL where phases add up */
+    struct grid blocks; /* of its image's means... */
+    size_t block[3];    /* ...over so many voxels */
+    float *means;       /* [blocks]; NULL likewise */
+};
+
+static size_t planes_of(const struct frames *f)
+{
+    return f->cfg.sum == FRAMES_POWER ? 1 : 2;
+}
 
 /* -- create -----------------------------------------------------------------------------
  */
@@ -29,7 +94,7 @@ static bool sensible(const struct frames_config *cfg)
 static int create_held(struct frames *f, struct held *h)
 {
     size_t n = f->geometry.n_microphones;
-    size_t part = tile_count(&f->cfg.grid) * frames_planes(f) * TILE_VOXELS;
+    size_t part = tile_count(&f->cfg.grid) * planes_of(f) * TILE_VOXELS;
     h->live = calloc(n, sizeof *h->live);
     h->words = calloc(n * f->fine.n_stored, sizeof *h->words);
     h->unit = calloc(n, sizeof *h->unit);
@@ -215,6 +280,372 @@ void frames_spoil(struct frames *f)
     f->held[f->newest].shows = false;
 }
 
+/* -- where a ping's elements were -------------------------------------------------------
+ */
+
+double frames_delay_instant_s(const struct frames_config *cfg, bool down)
+{
+    const struct chirp *c = &cfg->chirp;
+    double from = down ? c->stop_hz : c->start_hz, to = down ? c->start_hz : c->stop_hz;
+    if (c->duration_s == 0.0)
+        return cfg->latency_s;
+    return cfg->latency_s + range_doppler_instant_s(from, to, c->duration_s);
+}
+
+static int64_t nanoseconds(double s)
+{
+    return (int64_t)llrint(1e9 * s);
+}
+
+struct glance { /* from the instant `at` of one ping to the reference */
+    const struct frames_motion *motion;
+    int64_t reference_ns;
+    bool known;
+};
+
+static void step_to_reference(struct glance *g, int64_t at_ns, struct ego_step *out)
+{
+    *out = (struct ego_step){0.0, 0.0, 0.0};
+    if (g->motion->path && ego_path_between(g->motion->path, at_ns, g->reference_ns, out))
+        g->known = false;
+}
+
+/* What is imaged moves on until the reference, and is where it was then when the element
+ * moves the other way instead. */
+static void look(const struct glance *g, const struct ego_step *step, int64_t at_ns,
+                 const double element_m[3], double out[3])
+{
+    double later_s = 1e-9 * (double)(g->reference_ns - at_ns);
+    if (g->motion->path)
+        mount_step_point(&g->motion->mount, step, element_m, out);
+    else
+        memcpy(out, element_m, 3 * sizeof *out);
+    for (int a = 0; a < 3; a++)
+        out[a] += later_s * g->motion->velocity_m_s[a];
+}
+
+static void stand(struct place *p, const double element_m[3])
+{
+    memcpy(p->delay_at_m, element_m, sizeof p->delay_at_m);
+    memcpy(p->phase_at_m, element_m, sizeof p->phase_at_m);
+    memset(p->own_m_s, 0, sizeof p->own_m_s);
+    memset(p->thing_m_s, 0, sizeof p->thing_m_s);
+}
+
+static void element_of(const struct frames_config *cfg, size_t speaker, size_t e,
+                       double out[3])
+{
+    if (e == 0)
+        geometry_speaker(cfg->geometry, 0, speaker, out);
+    else
+        geometry_microphone(cfg->geometry, 0, speaker, e - 1, out);
+}
+
+/* places[1 + n_microphones]: of the speaker that sounded, of the microphones.  Seen from
+ * the array at reference_ns.  false: the path does not reach; as if it stood. */
+static bool find_places(const struct frames_config *cfg,
+                        const struct frames_motion *motion, size_t speaker, bool down,
+                        int64_t stamp_ns, int64_t reference_ns, struct place *places)
+{
+    const int64_t at_ns[3] = {
+        stamp_ns + nanoseconds(frames_delay_instant_s(cfg, down)),
+        stamp_ns + nanoseconds(cfg->latency_s + 0.5 * cfg->chirp.duration_s),
+        stamp_ns + nanoseconds(frames_delay_instant_s(cfg, down)) + DRIFT_NS};
+    struct glance g = {motion, reference_ns, true};
+    struct ego_step step[3];
+    for (int i = 0; motion && i < 3; i++)
+        step_to_reference(&g, at_ns[i], &step[i]);
+    if (!g.known)
+        memset(step, 0, sizeof step);
+    for (size_t e = 0; e < 1 + cfg->geometry->n_microphones; e++) {
+        double element_m[3], later[3];
+        element_of(cfg, speaker, e, element_m);
+        stand(&places[e], element_m);
+        if (!motion)
+            continue;
+        look(&g, &step[0], at_ns[0], element_m, places[e].delay_at_m);
+        look(&g, &step[1], at_ns[1], element_m, places[e].phase_at_m);
+        look(&g, &step[2], at_ns[2], element_m, later);
+        for (int a = 0; a < 3; a++) {
+            places[e].thing_m_s[a] = -motion->velocity_m_s[a];
+            places[e].own_m_s[a] = (later[a] - places[e].delay_at_m[a]) /
+                                       (1e-9 * DRIFT_NS) +
+                                   motion->velocity_m_s[a];
+        }
+    }
+    return g.known;
+}
+
+static bool near(const double a[3], const double b[3], double tolerance)
+{
+    for (int i = 0; i < 3; i++)
+        if (!(fabs(a[i] - b[i]) <= tolerance))
+            return false;
+    return true;
+}
+
+/* No coordinate differs by more than tolerance_m, drift counted over sound_s. */
+static bool places_agree(const struct place *a, const struct place *b, size_t n,
+                         double sound_s, double tolerance_m)
+{
+    for (size_t e = 0; e < n; e++)
+        if (!near(a[e].delay_at_m, b[e].delay_at_m, tolerance_m) ||
+            !near(a[e].phase_at_m, b[e].phase_at_m, tolerance_m) ||
+            !near(a[e].own_m_s, b[e].own_m_s, tolerance_m / sound_s) ||
+            !near(a[e].thing_m_s, b[e].thing_m_s, tolerance_m / sound_s))
+            return false;
+    return true;
+}
+
+/* -- each midpoint is to count once, as in back-projection ------------------------------
+ */
+
+static const uint32_t *cells_of(const struct frames *f, const struct held *h)
+{
+    return f->cell + h->speaker * f->geometry.n_microphones;
+}
+
+/* Counts a ping's live pairs at their midpoints; returns how many were the first. */
+static size_t count(struct frames *f, const struct held *h)
+{
+    size_t n_new = 0;
+    for (size_t i = 0; i < f->geometry.n_microphones; i++)
+        if (h->live[i])
+            n_new += f->fold[cells_of(f, h)[i]]++ == 0;
+    return n_new;
+}
+
+static void forget_counts(struct frames *f)
+{
+    memset(f->fold, 0, f->n_cells * sizeof *f->fold);
+}
+
+static void weigh_traces(const struct frames *f, struct held *h)
+{
+    for (size_t i = 0; i < f->geometry.n_microphones; i++)
+        h->weight[i] = h->live[i] ? 1.0f / (float)f->fold[cells_of(f, h)[i]] : 0.0f;
+}
+
+static float over(size_t n)
+{
+    return n ? 1.0f / (float)n : 0.0f;
+}
+
+static void weigh_coherent(struct frames *f)
+{
+    size_t n_live = 0;
+    forget_counts(f);
+    for (size_t k = 0; k < f->cfg.n_pings; k++)
+        if (f->held[k].counts)
+            n_live += count(f, &f->held[k]);
+    for (size_t k = 0; k < f->cfg.n_pings; k++) {
+        f->held[k].scale = 1.0f;
+        if (f->held[k].counts)
+            weigh_traces(f, &f->held[k]);
+    }
+    f->scale = over(n_live) * over(n_live);
+}
+
+static void weigh_power(struct frames *f)
+{
+    size_t n_pings = 0;
+    for (size_t k = 0; k < f->cfg.n_pings; k++) {
+        struct held *h = &f->held[k];
+        if (!h->counts)
+            continue;
+        forget_counts(f);
+        size_t n_live = count(f, h);
+        weigh_traces(f, h);
+        h->scale = over(n_live) * over(n_live);
+        n_pings += n_live > 0;
+    }
+    f->scale = over(n_pings);
+}
+
+/* Weights of the traces and scales of the pings that count. */
+static void weigh_pings(struct frames *f)
+{
+    if (f->cfg.sum == FRAMES_POWER)
+        weigh_power(f);
+    else
+        weigh_coherent(f);
+}
+
+/* -- tile by tile: parts of pings, and their sum ----------------------------------------
+ */
+
+/* The middle of a tile: that of its first and last voxel. */
+static void find_middle(const struct tile *t, double out[3])
+{
+    for (int a = 0; a < 3; a++)
+        out[a] = 0.5 * ((double)t->position[a][0] + (double)t->position[a][t->n - 1]);
+}
+
+/* Where an element is for a tile: a microphone when the sound arrives there, which is
+ * after the way to the tile and its own way back; and what is imaged moves until the
+ * sound has come to it.  The way to the tile counts as the array's for all microphones;
+ * by how much it is longer from a speaker, that speaker moves instead. */
+static void go_on(const struct place *p, bool is_speaker, double way_s, double to_array_s,
+                  double delay_at[3], double phase_at[3])
+{
+    double own_s = is_speaker ? way_s - to_array_s : to_array_s + way_s;
+    double thing_s = is_speaker ? 2.0 * way_s - to_array_s : to_array_s;
+    for (int a = 0; a < 3; a++) {
+        double by_m = own_s * p->own_m_s[a] + thing_s * p->thing_m_s[a];
+        delay_at[a] = p->delay_at_m[a] + by_m;
+        phase_at[a] = p->phase_at_m[a] + by_m;
+    }
+}
+
+/* From a place to the nearest point of the box that a tile's voxels fill. */
+static double nearest_m(const struct tile *t, const double at[3])
+{
+    double nearest[3];
+    for (int a = 0; a < 3; a++)
+        nearest[a] = fmin(fmax(at[a], (double)t->position[a][0]),
+                          (double)t->position[a][t->n - 1]);
+    return geometry_distance(at, nearest);
+}
+
+/* Of the elements that hear of a tile, and of the speaker; false: none does.  A third of
+ * a plane lies beyond the gate. */
+static bool find_paths(const struct frames *f, const struct held *h, struct scratch *own)
+{
+    const struct tile *t = &own->tile;
+    double middle_m[3], sound_m_s = f->geometry.sound_speed_m_s, speaker_m = 0.0;
+    bool any = false;
+    find_middle(t, middle_m);
+    double to_array_s = geometry_distance(middle_m, f->centre_m) / sound_m_s;
+    for (size_t e = 0; e < 1 + f->geometry.n_microphones; e++) {
+        const struct place *p = &h->places[e];
+        double way_s = geometry_distance(middle_m, p->delay_at_m) / sound_m_s;
+        double delay_at[3], phase_at[3];
+        go_on(p, e == 0, way_s, to_array_s, delay_at, phase_at);
+        double way_m = nearest_m(t, delay_at);
+        if (e == 0)
+            speaker_m = way_m;
+        own->hears[e] = e == 0 || speaker_m + way_m < f->far_s * sound_m_s + FAR_M;
+        if (!own->hears[e])
+            continue;
+        double more_m = geometry_distance(middle_m, phase_at) -
+                        geometry_distance(middle_m, delay_at);
+        tile_path(t, &f->sound, delay_at, more_m * (double)f->sound.turns_per_m,
+                  &own->paths[e]);
+        any = any || e > 0;
+    }
+    return any;
+}
+
+/* false: nothing of a ping comes from this tile. */
+static bool add_ping(const struct frames *f, const struct held *h, struct scratch *own)
+{
+    const struct tile_path *to = own->paths, *from = own->paths + 1;
+    size_t n_mic = f->geometry.n_microphones;
+    if (!find_paths(f, h, own))
+        return false;
+    for (size_t i = 0; i < n_mic; i++) {
+        struct tile_trace r = {.words = h->words + (i + 1) * f->fine.n_stored,
+                               .last = (float)(f->fine.n_stored - 2)};
+        if (i + 1 < n_mic && own->hears[i + 2])
+            tile_fetch(&own->tile, &r, to, from + i + 1);
+        r.words = h->words + i * f->fine.n_stored;
+        r.scale = h->unit[i] * h->weight[i];
+        if (h->weight[i] > 0.0f && own->hears[i + 1])
+            tile_add(&own->tile, &r, to, from + i, own->tile.part, NULL);
+    }
+    return true;
+}
+
+VECTOR_CLONES
+static void take_power(size_t n, const float *restrict re, const float *restrict im,
+                       float *restrict out)
+{
+    for (size_t v = 0; v < n; v++)
+        out[v] = re[v] * re[v] + im[v] * im[v];
+}
+
+/* part: the tile's of a ping's. */
+static void make_part(const struct frames *f, const struct held *h, struct scratch *own,
+                      float *part)
+{
+    struct tile *t = &own->tile;
+    float(*sum)[TILE_VOXELS] = t->sum;
+    if (add_ping(f, h, own))
+        tile_add_part(t, own->paths);
+    if (f->cfg.sum == FRAMES_POWER)
+        take_power(t->whole, sum[0], sum[1], part);
+    else
+        memcpy(part, sum, sizeof t->sum);
+    memset(sum, 0, sizeof t->sum);
+}
+
+VECTOR_CLONES
+static void add_scaled(size_t n, float scale, const float *restrict x,
+                       float *restrict sum)
+{
+    for (size_t v = 0; v < n; v++)
+        sum[v] += scale * x[v];
+}
+
+VECTOR_CLONES
+static void make_up_for_range(const struct frames *f, const struct tile *t, float scale,
+                              float *restrict power)
+{
+    float x = (float)f->centre_m[0], y = (float)f->centre_m[1], z = (float)f->centre_m[2];
+    float spread2 = (float)(f->spread_m * f->spread_m);
+    size_t n = t->whole;
+    for (size_t v = 0; v < n; v++) {
+        float dx = t->position[0][v] - x, dy = t->position[1][v] - y;
+        float dz = t->position[2][v] - z;
+        power[v] *= scale * (dx * dx + dy * dy + dz * dz + spread2);
+    }
+}
+
+static void keep_alone(const struct frames *f, struct tile *t, const float *part)
+{
+    const struct held *h = &f->held[f->newest];
+
+    memset(t->squares, 0, sizeof t->squares);
+    add_scaled(t->whole, h->scale, part, t->squares);
+    make_up_for_range(f, t, 1.0f, t->squares);
+    for (size_t v = 0; v < t->n; v++)
+        f->alone[t->number[v]] = t->squares[v];
+}
+
+static void image_tile(void *ctx, size_t item, size_t thread)
+{
+    const struct frames *f = ctx;
+    struct scratch *own = &f->own[thread];
+    struct tile *t = &own->tile;
+    size_t planes = planes_of(f);
+    float total[2][TILE_VOXELS] = {{0.0f}};
+    tile_lay(t, &f->cfg.grid, item);
+    for (size_t k = 0; k < f->cfg.n_pings; k++) {
+        const struct held *h = &f->held[k];
+        float *part = h->part + item * planes * TILE_VOXELS;
+        if (!h->counts)
+            continue;
+        if (h->fresh)
+            make_part(f, h, own, part);
+        for (size_t a = 0; a < planes; a++)
+            add_scaled(t->whole, h->scale, part + a * TILE_VOXELS, total[a]);
+        if (f->alone && k == f->newest)
+            keep_alone(f, t, part);
+    }
+    float *power = planes == 2 ? t->squares : total[0];
+    if (planes == 2)
+        take_power(t->whole, total[0], total[1], power);
+    make_up_for_range(f, t, f->scale, power);
+    for (size_t v = 0; v < t->n; v++)
+        f->image[t->number[v]] = power[v];
+}
+
+/* The image of the pings that count, of which the fresh ones' parts are made anew. */
+static void sum_parts(struct frames *f)
+{
+    pool_run(f->cfg.pool, tile_count(&f->cfg.grid), image_tile, f);
+}
+
 /* -- image ------------------------------------------------------------------------------
  */
 
@@ -223,8 +654,7 @@ static bool serves(const struct frames *f, const struct held *h)
 {
     size_t n_mic = f->geometry.n_microphones;
     return h->made && memcmp(h->weight, h->made_weight, n_mic * sizeof *h->weight) == 0 &&
-           frames_places_agree(h->places, h->made_places, 1 + n_mic, f->far_s,
-                               FRAMES_STILL_M);
+           places_agree(h->places, h->made_places, 1 + n_mic, f->far_s, FRAMES_STILL_M);
 }
 
 static void keep_account(const struct frames *f, struct held *h)
@@ -249,8 +679,8 @@ static void choose(struct frames *f, const struct frames_motion *motion,
             continue;
         made->pings++;
         ages_ns += made->stamp_ns - h->stamp_ns;
-        made->unknown += !frames_places(&f->cfg, motion, h->speaker, h->down, h->stamp_ns,
-                                        made->stamp_ns, h->places);
+        made->unknown += !find_places(&f->cfg, motion, h->speaker, h->down, h->stamp_ns,
+                                      made->stamp_ns, h->places);
     }
     made->age_s = made->pings ? 1e-9 * (double)ages_ns / (double)made->pings : 0.0;
 }
@@ -304,14 +734,14 @@ void frames_image(struct frames *f, const struct frames_motion *motion, float *i
     *made = (struct frames_made){.pings = 0};
     choose(f, motion, made);
     made->microphones_masked = count_masked(f);
-    frames_weigh(f);
+    weigh_pings(f);
     for (size_t k = 0; k < f->cfg.n_pings; k++) {
         struct held *h = &f->held[k];
         h->fresh = h->counts && !serves(f, h);
         made->kept += h->counts && !h->fresh;
     }
     f->image = intensity;
-    frames_sum_parts(f);
+    sum_parts(f);
     if (f->means)
         take_means(f);
     for (size_t k = 0; k < f->cfg.n_pings; k++)

@@ -24,6 +24,10 @@
 
 /* T f2 / (f2 - f1), seconds after the chirp's start.  stop_hz may be below start_hz: a
  * down-chirp; they differ. */
-double range_doppler_instant_s(double start_hz, double stop_hz, double duration_s);
+static inline double range_doppler_instant_s(double start_hz, double stop_hz,
+                                             double duration_s)
+{
+    return duration_s * stop_hz / (stop_hz - start_hz);
+}
 
 #endif
