@@ -9,7 +9,6 @@
 #include "recon/tracking/sidelobes.h"
 #include "recon/tracking/sight.h"
 #include "recon/tracking/timing.h"
-#include "recon/tracking/track_ids.h"
 
 #define LATEST_NS (INT64_MAX / 2) /* differences of stamps do not overflow */
 #define AT_WALL_M 0.25            /* what is imaged so close behind a wall is the wall */

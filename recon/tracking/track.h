@@ -51,6 +51,7 @@
 #include "recon/tracking/track_life.h"
 
 #define TRACKS_MAX       64
+#define TRACK_ID_MAX     254 /* names are 1 to that */
 #define TRACK_DETECTIONS 64
 
 struct track_config {

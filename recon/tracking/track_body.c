@@ -11,6 +11,9 @@
 #define KEPT_S    1.5  /* a part that is not seen any more */
 #define SLIP_M    0.05 /* a bright spot wanders about on its part */
 
+#define SAME_GATE    9.21 /* 99 of 100 velocities that are the same (chi-squared, 2) */
+#define AS_ONE_LOOKS 3.0  /* by then two who cross are apart */
+
 /* -- frames -----------------------------------------------------------------------------
  */
 
@@ -181,9 +184,33 @@ void track_body_update(struct tracker *t, const struct track_scan *scan,
 /* -- two tracks that are one ------------------------------------------------------------
  */
 
+/* Are their velocities the same, as far as these are known? */
+static bool go_alike(const struct track *a, const struct track *b)
+{
+    double dv[2], c[2][2];
+
+    for (int i = 0; i < 2; i++) {
+        dv[i] = a->filter.state[2 + i] - b->filter.state[2 + i];
+        for (int j = 0; j < 2; j++)
+            c[i][j] = a->filter.covariance[2 + i][2 + j] +
+                      b->filter.covariance[2 + i][2 + j];
+    }
+    return track_filter_distance2(dv, (const double(*)[2])c) < SAME_GATE;
+}
+
+/* The first one is as sure and as lately seen as the surer and later of both; the other
+ * ends. */
+static void take_over(struct track *k, struct track *other)
+{
+    k->seen_ns = k->seen_ns > other->seen_ns ? k->seen_ns : other->seen_ns;
+    k->moves_ns = k->moves_ns > other->moves_ns ? k->moves_ns : other->moves_ns;
+    k->life.existence = fmax(k->life.existence, other->life.existence);
+    other->merged = true;
+}
+
 static bool go_together(const struct track *a, const struct track *b)
 {
-    return track_outline_is_fast(a) && track_outline_is_fast(b) && track_go_alike(a, b);
+    return track_outline_is_fast(a) && track_outline_is_fast(b) && go_alike(a, b);
 }
 
 /* Is b beside what is known of a? */
@@ -219,7 +246,7 @@ static void begin_body(struct track *k)
         .variance_m2 = SLIP_M * SLIP_M, .looks = TRACK_PART_KNOWN, .seen_ns = k->seen_ns};
 }
 
-static void take_over(struct track *k, struct track *other, double yaw)
+static void take_in_body(struct track *k, struct track *other, double yaw)
 {
     begin_body(k);
     begin_body(other);
@@ -230,7 +257,7 @@ static void take_over(struct track *k, struct track *other, double yaw)
             part->offset_m[a] += other->filter.state[a] - k->filter.state[a];
     }
     track_outline_update(k, yaw);
-    track_take_over(k, other);
+    take_over(k, other);
 }
 
 /* And moves by itself: things at rest that glide along by the vehicle's motion do so
@@ -251,8 +278,64 @@ void track_body_merge(struct tracker *t)
                 !adjoin(a, b))
                 continue;
             if (a->id || !b->id)
-                take_over(a, b, t->pose.dyaw);
+                take_in_body(a, b, t->pose.dyaw);
             else
-                take_over(b, a, t->pose.dyaw);
+                take_in_body(b, a, t->pose.dyaw);
         }
+}
+
+/* A body takes in what goes with it by itself. */
+static bool stands_in(const struct tracker *t, const struct track *k,
+                      const struct track *named)
+{
+    const double *at_m = k->filter.state, *its_m = named->filter.state;
+
+    return named->id && !named->body.n && named->state == TRACK_MEASURED &&
+           hypot(at_m[0] - its_m[0], at_m[1] - its_m[1]) < t->cfg.join_m;
+}
+
+void track_absorb(struct tracker *t)
+{
+    for (size_t i = 0; i < t->n; i++)
+        for (size_t other = 0; !t->tracks[i].id && other < t->n; other++)
+            t->tracks[i].merged |= stands_in(t, &t->tracks[i], &t->tracks[other]);
+}
+
+static bool walk_as_one(const struct tracker *t, const struct track *k,
+                        const struct track *older)
+{
+    const double *at_m = k->filter.state, *its_m = older->filter.state;
+
+    return older->id && !older->merged && k->placed == older->placed && !k->body.n &&
+           !older->body.n && track_outline_is_slow(k) && track_outline_is_slow(older) &&
+           hypot(at_m[0] - its_m[0], at_m[1] - its_m[1]) < t->cfg.join_m &&
+           go_alike(k, older);
+}
+
+/* In the middle between both, and as sure as the surer one. */
+static void take_in_walker(struct track *older, struct track *k)
+{
+    struct track_filter *filters[TRACK_FILTERS];
+    size_t n = track_filters(older, filters);
+    double way_m[2];
+
+    for (int a = 0; a < 2; a++)
+        way_m[a] = 0.5 * (k->filter.state[a] - older->filter.state[a]);
+    for (size_t i = 0; i < n; i++)
+        for (int a = 0; a < 2; a++)
+            filters[i]->state[a] += way_m[a];
+    take_over(older, k);
+}
+
+void track_join_walkers(struct tracker *t, double fresh)
+{
+    for (size_t i = 1; i < t->n; i++) {
+        struct track *k = &t->tracks[i];
+        size_t other = 0;
+        while (other < i && !(k->id && walk_as_one(t, k, &t->tracks[other])))
+            other++;
+        k->as_one = other < i ? k->as_one + fresh : 0.0;
+        if (k->as_one > AS_ONE_LOOKS)
+            take_in_walker(&t->tracks[other], k);
+    }
 }

@@ -50,7 +50,16 @@ double track_body_gap_m(const struct track *k, const struct track_position *p);
 void track_body_update(struct tracker *t, const struct track_scan *scan,
                        const size_t *whose, size_t i, double fresh);
 
-/* Makes one of tracks that are one; the younger is over then. */
+/* Tracks that are one object: of each two the younger is over then.  Parts of one body,
+ * which ride close together; */
 void track_body_merge(struct tracker *t);
+
+/* who walks within join_m of another one for a while, as he does, and is heard twice; */
+void track_join_walkers(struct tracker *t, double fresh);
+
+/* and what is nearer than join_m to a named track's place, which is not told beside it:
+ * of a thing that stood there, which what passes by has taken along, it would become a
+ * double. */
+void track_absorb(struct tracker *t);
 
 #endif

@@ -7,7 +7,6 @@
 #include "recon/tracking/track.h"
 #include "recon/tracking/track_body.h"
 #include "recon/tracking/track_filter.h"
-#include "recon/tracking/track_ids.h"
 #include "recon/tracking/track_models.h"
 #include "recon/tracking/track_outline.h"
 #include "recon/tracking/track_rest.h"
@@ -39,6 +38,14 @@ struct track {
     bool merged;                /* into another one */
     double as_one;              /* looks, that it has gone with an older one as one */
     size_t detection;
+};
+
+/* Names.  They are not given again while whoever heard them may still mean the object
+ * that they belonged to. */
+struct track_ids { /* {0}: none was given yet */
+    bool taken[TRACK_ID_MAX + 1];
+    int64_t rest_until_ns[TRACK_ID_MAX + 1]; /* 0: never given */
+    unsigned last;
 };
 
 struct tracker {
@@ -87,20 +94,6 @@ bool track_rests_elsewhere(const struct tracker *t, const struct track_scan *sca
  * part of it too. */
 void track_associate(struct tracker *t, const struct track_scan *scan, size_t *mine,
                      size_t *whose);
-
-/* What is nearer than join_m to a named track's place is not told beside it: of a thing
- * that stood there, which what passes by has taken along, it would become a double. */
-void track_absorb(struct tracker *t);
-
-/* Are their velocities the same, as far as these are known? */
-bool track_go_alike(const struct track *a, const struct track *b);
-
-/* The first one is as sure and as lately seen as the surer and later of both; the other
- * ends. */
-void track_take_over(struct track *k, struct track *other);
-
-/* Who walks within join_m of another one for a while, as he does, is heard twice. */
-void track_join_walkers(struct tracker *t, double fresh);
 
 /* The detections of one owner as one: its middle, with their scatter; *detection is the
  * strongest. */
