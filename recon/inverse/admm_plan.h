@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* recon/inverse/admm_plan.h -- inside the iterations: state, scratch and the three parts.
+/* recon/inverse/admm_plan.h -- inside the iterations: state, and the step that involves
+ * K.
  *
  * A split variable z and its scaled dual u are both read off their sum v before the
  * shrinkage: z = S(v), u = v - S(v).  Only v is stored, and with xh = a A x + (1 - a) z
@@ -27,7 +28,7 @@ struct admm_norms {
 };
 
 struct admm_scratch {      /* one a thread */
-    float *rows;           /* of the split, see admm_split.c */
+    float *rows;           /* of the split */
     float *plane;          /* [ny][nx] right-hand side, for the transform */
     fftwf_complex *column; /* [nz][row] */
 };
@@ -67,15 +68,6 @@ struct admm {
     struct admm_subspace *subspace;
     float *measured; /* [n_data] */
 };
-
-/* Floats of a thread's rows. */
-size_t admm_split_scratch(const struct admm *a);
-
-/* admm_split.c: v <- v + a (A x - S(v)), then for each plane A' (2 S(v) - v) goes to
- * `emit` (as [ny][nx] in the thread's scratch->plane).  Also swaps v. */
-void admm_split(struct admm *a, void (*emit)(struct admm *a, size_t z, size_t thread));
-/* The sums of the last checked round. */
-void admm_split_norms(const struct admm *a, struct admm_norms *out);
 
 /* admm_blur.c */
 int admm_blur_create(struct admm *a);
