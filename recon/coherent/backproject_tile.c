@@ -7,7 +7,6 @@
 
 #include "dsp/vector.h"
 #include "recon/coherent/phasor.h"
-#include "recon/root.h"
 
 static const size_t block_side[3] = {24, 4, 4}, plan_side[3] = {24, 1, 16};
 
@@ -60,6 +59,23 @@ void tile_lay(struct tile *t, const struct grid *g, size_t item)
 
 /* -- delays -----------------------------------------------------------------------------
  */
+
+/* sqrt(x), several times as fast as the processor's when many are taken at once, to 3e-7
+ * of itself, for x of 0 or 1e-30..1e30: halves the exponent for a guess of 1 / sqrt(x),
+ * then Newton's iteration three times.  (Lomont 2003, "Fast inverse square root".) */
+VECTOR_INLINE float root(float x)
+{
+    uint32_t bits;
+    float y;
+    memcpy(&bits, &x, sizeof bits);
+    bits = 0x5f375a86u - (bits >> 1);
+    memcpy(&y, &bits, sizeof y);
+    float half = 0.5f * x;
+    y *= 1.5f - half * y * y;
+    y *= 1.5f - half * y * y;
+    y *= 1.5f - half * y * y;
+    return x * y;
+}
 
 void tile_sound(struct tile_sound *s, const struct fine_trace *f, double sound_speed_m_s)
 {

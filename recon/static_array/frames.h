@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /* recon/static_array/frames.h -- images of a fixed array from its newest pings, a new one
  * for every ping if need be: the newest replaces the oldest (a sliding aperture).
- * Back-projection as in recon/coherent/backprojection.h; each ping keeps its part of the
+ * Back-projection as in recon/coherent/backprojection.c; each ping keeps its part of the
  * image, so that a new image costs one ping and a sum, as long as nothing moves.
  *
  * An array that moves is imaged from where each element stood when it spoke or heard:
