@@ -55,4 +55,7 @@ void fk_migrate(struct fk *m, const float complex *gather, const float *weight,
                 float *intensity);
 void fk_destroy(struct fk *m);
 
+/* Lateral times depth wavenumbers, of one sign each: what an image costs goes by them. */
+double fk_plane_waves(const struct fk *m);
+
 #endif

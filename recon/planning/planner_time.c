@@ -39,7 +39,7 @@ double planner_compress_s(size_t n_pings, size_t n_microphones, size_t n_threads
 }
 
 /* ns of f-k migration, which works on no less than the aperture, on twice the image's
- * width and down to the range of its farthest corner (recon/coherent/fk_plan.c). */
+ * width and down to the range of its farthest corner (recon/coherent/fk.c). */
 static double migrate_ns(const struct trace_set *s, const struct grid *g)
 {
     double wave_m = s->geometry->sound_speed_m_s / s->band_hz[1];

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "recon/coherent/fk_plan.h"
+#include "recon/coherent/fk.h"
 #include "tests/recon/rig.h"
 
 #define NX 8
@@ -422,7 +422,6 @@ static void one_midpoint_and_one_voxel_are_enough(void **state)
     free(image);
 }
 
-/* Lateral and depth wavenumbers that are summed. */
 static double plane_waves(const struct site *s)
 {
     struct fk_config cfg = s->cfg;
@@ -431,7 +430,7 @@ static double plane_waves(const struct site *s)
     cfg.grid = s->rig.grid;
     assert_int_equal(pool_create(&cfg.pool, 1), 0);
     assert_int_equal(fk_create(&m, &cfg), 0);
-    double n = (double)(m->x.k_max + 1) * (double)(m->y.k_max + 1) * (double)m->n_kz;
+    double n = fk_plane_waves(m);
     fk_destroy(m);
     pool_destroy(cfg.pool);
     return n;
