@@ -1,19 +1,88 @@
 /* SPDX-License-Identifier: MIT */
-/* recon/power/incoherent.c -- keeps the traces' powers, filters and weighs them; see
- * incoherent.h. */
+/* recon/power/incoherent.c -- `--method incoherent`: back-projection of power, for
+ * arrays whose elements stand where nobody knows to better than a wavelength.
+ *
+ * Each trace is squared, multiplied by its squared range and filtered by the negative
+ * second derivative of a Gaussian, as in filtered back-projection of spherical means
+ * (Xu and Wang 2005: over a plane of measurements the second derivative undoes the blur):
+ * what each echo smears over the voxels that it could come from cancels where they do
+ * not agree.  Each voxel sums all traces at its delay, a midpoint counting once however
+ * many pairs share it; what stays below 0 is none.  The Gaussian is as wide as positions
+ * may be wrong.  Mirrors are imaged in another way, see below. */
 #include "recon/power/incoherent.h"
 
 #include <errno.h>
 #include <math.h>
+#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "dsp/vector.h"
 #include "recon/coherent/colocated.h"
 #include "recon/imaging/fold.h"
-#include "recon/imaging/imager.h"
 #include "recon/imaging/method.h"
+#include "recon/imaging/resample.h"
 #include "recon/planning/scattering.h"
+
+#define FINE 2
+
+/* Some depths of the image.  Power changes slowly sideways, the more so the farther away:
+ * it is imaged on fewer voxels and interpolated. */
+struct slab {
+    struct grid grid;
+    size_t first_plane, n_planes; /* of the image */
+    struct resample *resample;    /* NULL: grid is the image's own */
+    size_t stride;                /* scan: voxels between two stage positions */
+};
+
+struct incoherent {
+    struct geometry geometry;
+    struct trace_format in;
+    struct grid grid; /* of the image */
+    struct pool *pool;
+    size_t first;  /* samples of a trace before the gate */
+    float *gain;   /* [in.n_samples]: squared range, faded in and out; 0 first */
+    float *filter; /* [FINE][taps] */
+    size_t n_taps;
+    float *power;   /* [n_traces][in.n_samples], as added */
+    bool *live;     /* [n_traces]: added, not masked */
+    uint32_t *cell; /* [n_traces]: its midpoint */
+    uint32_t *fold; /* [n_cells]: live traces of it */
+    size_t n_cells;
+
+    /* Filtered traces, FINE samples for each of the input, lie in groups of `lanes`:
+     * [group][n_stored][lanes].  Of an array that a stage carries along x in steps of
+     * whole voxels a group is a pair and its lanes the stage positions; else each trace
+     * is a group. */
+    bool scan;
+    size_t lanes, n_groups, n_stored; /* the first sample and the last two are 0 */
+    float *stored;
+    float **scratch; /* [threads][in.n_samples + taps][lanes] */
+    void *sweeps;    /* of the imaging part */
+
+    struct mirror *mirror; /* NULL: cannot be told */
+    struct slab *slabs;
+    size_t n_slabs;
+    float *coarse; /* image of one slab */
+
+    const struct slab *slab; /* being imaged */
+    float *image;            /* to here, negative values too */
+};
+
+static size_t pairs_of(const struct incoherent *b)
+{
+    return b->geometry.n_speakers * b->geometry.n_microphones;
+}
+
+static size_t n_elements(const struct incoherent *b)
+{
+    return b->geometry.n_speakers + b->geometry.n_microphones;
+}
+
+static double rate_hz_of(const struct incoherent *b)
+{
+    return b->in.rate_hz * FINE;
+}
 
 /* -- mirrors ----------------------------------------------------------------------------
  */
@@ -22,14 +91,14 @@
  * microphone, which back-projection would spread over all voxels at that distance: they
  * stand where they are in the stack of all offsets (Lindell 2019, 3.2), as `--method
  * paper` makes it. */
-struct incoherent_mirror {
+struct mirror {
     struct colocated *colocated; /* tells mirrors */
     struct scattering_config scattering;
     float *power, *scratch;
     struct imager *stack; /* images them */
 };
 
-static void mirror_destroy(struct incoherent_mirror *m)
+static void mirror_destroy(struct mirror *m)
 {
     if (!m)
         return;
@@ -40,7 +109,7 @@ static void mirror_destroy(struct incoherent_mirror *m)
     free(m);
 }
 
-static int plan_scattering(struct incoherent_mirror *m)
+static int plan_scattering(struct mirror *m)
 {
     struct colocated_lattice l;
     colocated_lattice(m->colocated, &l);
@@ -52,12 +121,12 @@ static int plan_scattering(struct incoherent_mirror *m)
 }
 
 /* *out NULL: midpoints that form no lattice tell nothing.  0, -EINVAL, -ENOMEM. */
-static int mirror_create(struct incoherent_mirror **out, const struct imager_config *cfg)
+static int mirror_create(struct mirror **out, const struct imager_config *cfg)
 {
     struct imager_options options;
     struct imager_config stack = *cfg;
     const char *why;
-    struct incoherent_mirror *m = calloc(1, sizeof *m);
+    struct mirror *m = calloc(1, sizeof *m);
     *out = NULL;
     if (!m)
         return -ENOMEM;
@@ -78,7 +147,7 @@ static int mirror_create(struct incoherent_mirror **out, const struct imager_con
     return 0;
 }
 
-static void mirror_add(struct incoherent_mirror *m, size_t position, size_t speaker,
+static void mirror_add(struct mirror *m, size_t position, size_t speaker,
                        const float complex *traces, const bool *masked)
 {
     colocated_add(m->colocated, position, speaker, traces, masked);
@@ -86,7 +155,7 @@ static void mirror_add(struct incoherent_mirror *m, size_t position, size_t spea
 }
 
 /* false, and nothing written: this is no mirror. */
-static bool mirror_image(struct incoherent_mirror *m, float *intensity)
+static bool mirror_image(struct mirror *m, float *intensity)
 {
     struct scattering s;
     colocated_power(m->colocated, m->power);
@@ -97,7 +166,7 @@ static bool mirror_image(struct incoherent_mirror *m, float *intensity)
     return true;
 }
 
-static void mirror_reset(struct incoherent_mirror *m)
+static void mirror_reset(struct mirror *m)
 {
     colocated_reset(m->colocated);
     imager_reset(m->stack);
@@ -132,7 +201,7 @@ static void coarsen(struct grid *g, int axis, double step_m)
 }
 
 static void choose_grid(const struct geometry *g, const struct grid *image,
-                        struct incoherent_slab *slab, double distance_m)
+                        struct slab *slab, double distance_m)
 {
     struct grid *part = &slab->grid;
     struct grid own = *image;
@@ -154,7 +223,7 @@ static void choose_grid(const struct geometry *g, const struct grid *image,
 
 /* The slab that begins with this plane. */
 static void choose_slab(const struct geometry *g, const struct grid *image, size_t plane,
-                        bool last, struct incoherent_slab *slab)
+                        bool last, struct slab *slab)
 {
     double low[3], high[3];
     geometry_aperture(g, low, high);
@@ -173,7 +242,7 @@ double incoherent_voxels(const struct geometry *g, const struct grid *image, boo
     size_t n = 0;
     *scan = g->n_positions >= VECTOR_LANES;
     for (size_t z = 0; z < image->n[2]; n++) {
-        struct incoherent_slab slab;
+        struct slab slab;
         choose_slab(g, image, z, n + 1 == MAX_SLABS, &slab);
         voxels += (double)grid_size(&slab.grid);
         *scan = *scan && geometry_stage_stride(g, slab.grid.step_m[0]);
@@ -190,7 +259,7 @@ static int slabs_create(struct incoherent *b)
     if (!b->slabs)
         return -ENOMEM;
     for (size_t z = 0; !err && z < b->grid.n[2]; b->n_slabs++) {
-        struct incoherent_slab *slab = &b->slabs[b->n_slabs];
+        struct slab *slab = &b->slabs[b->n_slabs];
         choose_slab(&b->geometry, &b->grid, z, b->n_slabs + 1 == MAX_SLABS, slab);
         z += slab->n_planes;
         struct grid part = b->grid;
@@ -227,11 +296,6 @@ struct sweep {             /* one a thread */
     float *delay; /* [elements][BLOCK] in stored samples */
 };
 
-static size_t n_elements(const struct incoherent *b)
-{
-    return b->geometry.n_speakers + b->geometry.n_microphones;
-}
-
 static int any_create(struct incoherent *b)
 {
     struct sweep *sweeps = calloc(pool_threads(b->pool), sizeof *sweeps);
@@ -255,8 +319,8 @@ VECTOR_CLONES
 static void element_delays(const struct incoherent *b, const double at[3],
                            const float (*restrict voxel)[BLOCK], float *restrict delay)
 {
-    float per_m = (float)(incoherent_rate_hz(b) / b->geometry.sound_speed_m_s);
-    float start = (float)(0.5 * (1.0 - b->in.t0_s * incoherent_rate_hz(b)));
+    float per_m = (float)(rate_hz_of(b) / b->geometry.sound_speed_m_s);
+    float start = (float)(0.5 * (1.0 - b->in.t0_s * rate_hz_of(b)));
     float x = (float)at[0], y = (float)at[1], z = (float)at[2];
     for (size_t v = 0; v < BLOCK; v++) {
         float dx = voxel[0][v] - x, dy = voxel[1][v] - y, dz = voxel[2][v] - z;
@@ -291,8 +355,8 @@ static void add_position(const struct incoherent *b, struct sweep *s, size_t k)
             geometry_microphone(g, k, 0, e - g->n_speakers, at);
         element_delays(b, at, s->voxel, s->delay + e * BLOCK);
     }
-    for (size_t pair = 0; pair < incoherent_pairs(b); pair++) {
-        size_t trace = k * incoherent_pairs(b) + pair;
+    for (size_t pair = 0; pair < pairs_of(b); pair++) {
+        size_t trace = k * pairs_of(b) + pair;
         if (b->live[trace])
             add_trace(b->stored + trace * b->n_stored, last,
                       s->delay + pair / g->n_microphones * BLOCK,
@@ -326,10 +390,243 @@ static void any_image(struct incoherent *b)
     pool_run(b->pool, (grid_size(&b->slab->grid) + BLOCK - 1) / BLOCK, image_block, b);
 }
 
+/* -- all voxels of a slab, for a scan: stage positions in the lanes ---------------------
+ */
+
+/* See recon/coherent/backprojection.c for why stage positions lie in the lanes.  Power
+ * needs no phases, so that one sum a lane passes all pairs without leaving its register.
+ */
+
+#define ROWS       8  /* depths that are imaged together */
+#define SCAN_BLOCK 16 /* differences that are planned together */
+#define TOGETHER   4  /* differences summed together */
+
+struct scan_sweep { /* one a thread */
+    size_t n_d;     /* differences of x between voxel and stage */
+    size_t n_sum;   /* voxels of one remainder, with the lanes' overhang on both sides */
+    float *delay;   /* [ROWS][elements][n_d] in stored samples */
+    float *sum;     /* [ROWS][stride][n_sum]: voxels of one remainder lie side by side */
+    int *sample;    /* [pairs][SCAN_BLOCK]: which samples a block reads */
+    float *beyond;  /* [pairs][SCAN_BLOCK]: and how far past them */
+};
+
+/* Does the geometry fit the slab?  Sets its stride. */
+static bool scan_fits(const struct incoherent *b, struct slab *slab)
+{
+    slab->stride = geometry_stage_stride(&b->geometry, slab->grid.step_m[0]);
+    return slab->stride && b->geometry.n_positions >= VECTOR_LANES;
+}
+
+static size_t differences(const struct incoherent *b, const struct slab *slab)
+{
+    return slab->grid.n[0] + (b->lanes - 1) * slab->stride;
+}
+
+/* Voxels of one remainder, with the lanes' overhang on both sides. */
+static size_t sums(const struct incoherent *b, const struct slab *slab)
+{
+    return (slab->grid.n[0] + slab->stride - 1) / slab->stride + 2 * b->lanes +
+           VECTOR_LANES;
+}
+
+static int sweep_create(struct scan_sweep *s, const struct incoherent *b)
+{
+    size_t n_d = 0, n_sum = 0;
+    for (size_t i = 0; i < b->n_slabs; i++) {
+        size_t d = differences(b, &b->slabs[i]);
+        size_t n = sums(b, &b->slabs[i]) * b->slabs[i].stride;
+        n_d = d > n_d ? d : n_d;
+        n_sum = n > n_sum ? n : n_sum;
+    }
+    s->delay = malloc(ROWS * n_elements(b) * n_d * sizeof *s->delay);
+    s->sum = malloc(ROWS * n_sum * sizeof *s->sum);
+    s->sample = calloc(pairs_of(b) * SCAN_BLOCK, sizeof *s->sample);
+    s->beyond = calloc(pairs_of(b) * SCAN_BLOCK, sizeof *s->beyond);
+    return s->delay && s->sum && s->sample && s->beyond ? 0 : -ENOMEM;
+}
+
+/* 0, -ENOMEM; what there is then is still to be destroyed. */
+static int scan_create(struct incoherent *b)
+{
+    struct scan_sweep *sweeps = calloc(pool_threads(b->pool), sizeof *sweeps);
+    if (!sweeps)
+        return -ENOMEM;
+    b->sweeps = sweeps;
+    int err = 0;
+    for (size_t t = 0; !err && t < pool_threads(b->pool); t++)
+        err = sweep_create(&sweeps[t], b);
+    return err;
+}
+
+static void scan_destroy(struct incoherent *b)
+{
+    struct scan_sweep *sweeps = b->sweeps;
+    for (size_t t = 0; sweeps && t < pool_threads(b->pool); t++) {
+        free(sweeps[t].delay);
+        free(sweeps[t].sum);
+        free(sweeps[t].sample);
+        free(sweeps[t].beyond);
+    }
+    free(sweeps);
+}
+
+/* Difference d stands for x_voxel - x_stage = x0 + d * step. */
+VECTOR_CLONES
+static void scan_delays(const struct incoherent *b, double x0_m, double beside2_m2,
+                        size_t n, float *restrict delay)
+{
+    float per_m = (float)(rate_hz_of(b) / b->geometry.sound_speed_m_s);
+    float start = (float)(0.5 * (1.0 - b->in.t0_s * rate_hz_of(b)));
+    float x0 = (float)x0_m, step = (float)b->slab->grid.step_m[0],
+          beside2 = (float)beside2_m2;
+    for (size_t d = 0; d < n; d++) {
+        float dx = x0 + step * (float)(int)d;
+        delay[d] = start + per_m * sqrtf(dx * dx + beside2);
+    }
+}
+
+static void row_start(const struct incoherent *b, const struct scan_sweep *s, size_t row,
+                      double y_m, double z_m)
+{
+    const struct geometry *g = &b->geometry;
+    double back_m = (double)((b->lanes - 1) * b->slab->stride) * b->slab->grid.step_m[0];
+    for (size_t e = 0; e < n_elements(b); e++) {
+        const double *at = e < g->n_speakers ? g->speakers_m[e]
+                                             : g->microphones_m[e - g->n_speakers];
+        double x0_m = b->slab->grid.origin_m[0] - back_m -
+                      b->geometry.stage_positions_m[0] - at[0];
+        double dy = y_m - at[1], dz = z_m - at[2];
+        scan_delays(b, x0_m, dy * dy + dz * dz, s->n_d,
+                    s->delay + (row * n_elements(b) + e) * s->n_d);
+    }
+    memset(s->sum + row * b->slab->stride * s->n_sum, 0,
+           b->slab->stride * s->n_sum * sizeof *s->sum);
+}
+
+/* Which samples all pairs read for the differences first..first + n - 1. */
+VECTOR_CLONES
+static void plan_block(const struct incoherent *b, const float *delay, size_t n_d,
+                       size_t first, size_t n, int *restrict sample,
+                       float *restrict beyond)
+{
+    size_t n_m = b->geometry.n_microphones;
+    float last = (float)(b->n_stored - 2);
+    for (size_t pair = 0; pair < pairs_of(b); pair++) {
+        const float *s = delay + pair / n_m * n_d + first;
+        const float *m = delay + (b->geometry.n_speakers + pair % n_m) * n_d + first;
+        for (size_t d = 0; d < n; d++) {
+            float at = s[d] + m[d];
+            at = at > 0.0f ? at : 0.0f;
+            at = at < last ? at : last;
+            int whole = (int)at;
+            sample[pair * SCAN_BLOCK + d] = whole;
+            beyond[pair * SCAN_BLOCK + d] = at - (float)whole;
+        }
+    }
+}
+
+/* Stage positions whose voxel for difference d lies on the grid: first..end-1. */
+static void lane_range(const struct incoherent *b, size_t d, size_t *first, size_t *end)
+{
+    long back = (long)((b->lanes - 1) * b->slab->stride), stride = (long)b->slab->stride;
+    long voxel = (long)d - back; /* of lane 0 */
+    long low = voxel >= 0 ? 0 : (-voxel + stride - 1) / stride;
+    long high = ((long)b->slab->grid.n[0] - 1 - voxel) / stride + 1;
+    *first = (size_t)low;
+    *end = high < (long)b->lanes ? (size_t)high : b->lanes;
+}
+
+/* sum [TOGETHER][16]: of 16 lanes over all pairs, for neighbouring differences, which
+ * read neighbouring samples. */
+VECTOR_CLONES
+static void sum_pairs(const struct incoherent *b, const float *stored, const int *sample,
+                      const float *beyond, float *restrict sum)
+{
+    size_t pairs = pairs_of(b), pitch = b->n_stored * b->lanes;
+    float part[TOGETHER][VECTOR_LANES] = {{0}};
+    for (size_t pair = 0; pair < pairs; pair++, stored += pitch) {
+#pragma GCC unroll 4 /* all TOGETHER: their sums become registers */
+        for (size_t d = 0; d < TOGETHER; d++) {
+            const float *x = stored + (size_t)sample[pair * SCAN_BLOCK + d] * b->lanes;
+            float f = beyond[pair * SCAN_BLOCK + d];
+            for (size_t v = 0; v < VECTOR_LANES; v++) {
+                part[d][v] += (1.0f - f) * x[v];
+                part[d][v] += f * x[b->lanes + v];
+            }
+        }
+    }
+    memcpy(sum, part, sizeof part);
+}
+
+/* Lane k of difference d belongs to voxel d - (lanes - 1) * stride + k * stride. */
+static void sum_block(const struct incoherent *b, struct scan_sweep *s, size_t row,
+                      size_t first, size_t n)
+{
+    float *rows = s->sum + row * b->slab->stride * s->n_sum,
+          part[TOGETHER * VECTOR_LANES];
+    plan_block(b, s->delay + row * n_elements(b) * s->n_d, s->n_d, first, n, s->sample,
+               s->beyond);
+    for (size_t d = 0; d < n; d += TOGETHER) {
+        size_t together = n - d < TOGETHER ? n - d : TOGETHER, low = b->lanes, high = 0;
+        for (size_t e = 0; e < together; e++) {
+            size_t from, end;
+            lane_range(b, first + d + e, &from, &end);
+            low = from < low ? from : low;
+            high = end > high ? end : high;
+        }
+        for (size_t k = low - low % VECTOR_LANES; k < high; k += VECTOR_LANES) {
+            sum_pairs(b, b->stored + k, s->sample + d, s->beyond + d, part);
+            for (size_t e = 0; e < together; e++) {
+                size_t voxel = first + d + e + b->slab->stride;
+                float *to = rows + voxel % b->slab->stride * s->n_sum +
+                            voxel / b->slab->stride + k;
+                for (size_t l = 0; l < VECTOR_LANES; l++)
+                    to[l] += part[e * VECTOR_LANES + l];
+            }
+        }
+    }
+}
+
+static void row_finish(const struct incoherent *b, const struct scan_sweep *s, size_t row,
+                       size_t y, size_t z)
+{
+    const struct grid *g = &b->slab->grid;
+    const float *sum = s->sum + row * b->slab->stride * s->n_sum;
+    float *out = b->image + (z * g->n[1] + y) * g->n[0];
+    for (size_t x = 0; x < g->n[0]; x++) {
+        size_t voxel = x + b->slab->stride * b->lanes;
+        out[x] = sum[voxel % b->slab->stride * s->n_sum + voxel / b->slab->stride];
+    }
+}
+
+static void image_rows(void *ctx, size_t item, size_t thread)
+{
+    struct incoherent *b = ctx;
+    struct scan_sweep *s = (struct scan_sweep *)b->sweeps + thread;
+    const struct grid *g = &b->slab->grid;
+    size_t y = item % g->n[1], z = item / g->n[1] * ROWS;
+    size_t n_rows = g->n[2] - z < ROWS ? g->n[2] - z : ROWS;
+    s->n_d = differences(b, b->slab);
+    s->n_sum = sums(b, b->slab);
+    for (size_t r = 0; r < n_rows; r++)
+        row_start(b, s, r, g->origin_m[1] + g->step_m[1] * (double)y,
+                  g->origin_m[2] + g->step_m[2] * (double)(z + r));
+    for (size_t d = 0; d < s->n_d; d += SCAN_BLOCK)
+        for (size_t r = 0; r < n_rows; r++)
+            sum_block(b, s, r, d, s->n_d - d < SCAN_BLOCK ? s->n_d - d : SCAN_BLOCK);
+    for (size_t r = 0; r < n_rows; r++)
+        row_finish(b, s, r, y, z + r);
+}
+
+static void scan_image(struct incoherent *b)
+{
+    size_t slabs = (b->slab->grid.n[2] + ROWS - 1) / ROWS;
+    pool_run(b->pool, slabs * b->slab->grid.n[1], image_rows, b);
+}
+
 /* -- create -----------------------------------------------------------------------------
  */
 
-#define FINE       INCOHERENT_FINE
 #define FADE       16 /* samples over which the ends of a trace fade */
 #define LANE_BLOCK 16
 #define LOUDEST    1e26f /* power; louder is no echo, and no number when summed */
@@ -341,7 +638,7 @@ static void any_image(struct incoherent *b)
 
 static size_t n_traces(const struct incoherent *b)
 {
-    return incoherent_pairs(b) * b->geometry.n_positions;
+    return pairs_of(b) * b->geometry.n_positions;
 }
 
 static void incoherent_destroy(void *state)
@@ -350,7 +647,7 @@ static void incoherent_destroy(void *state)
     if (!b)
         return;
     if (b->scan)
-        incoherent_scan_destroy(b);
+        scan_destroy(b);
     else
         any_destroy(b);
     slabs_destroy(b);
@@ -421,7 +718,7 @@ static int plan_filter(struct incoherent *b, double sigma)
 static int allocate(struct incoherent *b)
 {
     size_t n = n_traces(b), samples = b->in.n_samples + b->n_taps;
-    b->n_groups = b->scan ? incoherent_pairs(b) : n;
+    b->n_groups = b->scan ? pairs_of(b) : n;
     b->n_stored = b->in.n_samples * FINE + 3;
     b->power = calloc(n * b->in.n_samples, sizeof *b->power);
     b->live = calloc(n, sizeof *b->live);
@@ -439,7 +736,7 @@ static int allocate(struct incoherent *b)
     b->fold = malloc(b->n_cells * sizeof *b->fold);
     if (!b->fold)
         return -ENOMEM;
-    return b->scan ? incoherent_scan_create(b) : any_create(b);
+    return b->scan ? scan_create(b) : any_create(b);
 }
 
 static int incoherent_create(void **state, const struct imager_config *cfg,
@@ -464,7 +761,7 @@ static int incoherent_create(void **state, const struct imager_config *cfg,
     if (!err) {
         b->scan = true;
         for (size_t i = 0; i < b->n_slabs; i++)
-            b->scan = incoherent_scan_fits(b, &b->slabs[i]) && b->scan;
+            b->scan = scan_fits(b, &b->slabs[i]) && b->scan;
         b->lanes = b->scan ? (b->geometry.n_positions + LANE_BLOCK - 1) / LANE_BLOCK *
                                  LANE_BLOCK
                            : 1;
@@ -493,7 +790,7 @@ static void incoherent_add(void *state, size_t position, size_t speaker,
     for (size_t i = 0; i < n_m; i++) {
         if (masked && masked[i])
             continue;
-        size_t t = position * incoherent_pairs(b) + speaker * n_m + i;
+        size_t t = position * pairs_of(b) + speaker * n_m + i;
         const float *z = (const float *)(traces + i * n);
         float *p = b->power + t * n;
         for (size_t q = b->first; q < n; q++) {
@@ -559,7 +856,7 @@ static void filter_trace(const struct incoherent *b, size_t n, const float *rest
 static void filter_group(void *ctx, size_t group, size_t thread)
 {
     struct incoherent *b = ctx;
-    size_t n = b->in.n_samples, pairs = incoherent_pairs(b);
+    size_t n = b->in.n_samples, pairs = pairs_of(b);
     float *x = b->scratch[thread] + b->n_taps / 2 * b->lanes;
     size_t n_in_group = b->scan ? b->geometry.n_positions : 1;
     for (size_t k = 0; k < n_in_group; k++) {
@@ -577,13 +874,12 @@ static void filter_group(void *ctx, size_t group, size_t thread)
 }
 
 /* A slab's voxels, finely spaced, where they are above 0. */
-static void image_slab(struct incoherent *b, const struct incoherent_slab *slab,
-                       float *intensity)
+static void image_slab(struct incoherent *b, const struct slab *slab, float *intensity)
 {
     b->slab = slab;
     b->image = slab->resample ? b->coarse : intensity;
     if (b->scan)
-        incoherent_scan(b);
+        scan_image(b);
     else
         any_image(b);
     if (slab->resample)
