@@ -6,7 +6,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "recon/planning/planner_error.h"
+#include "recon/planning/moveout_error.h"
 
 /* With positions uncertain by sigma, waves shorter than so many sigma blur more than they
  * sharpen.  Measured on letters at sigma 5 and 8 mm. */
@@ -28,6 +28,28 @@
 #define MOST_ITERATIONS  200
 #define USUAL_ITERATIONS 30 /* that it takes to converge, of all depths */
 
+/* Exponent of `fast` (recon/coherent/fk.h) where it is used.  Measured: a third off the
+ * error of points aside, a sixth off that of letters, 2 dB more sidelobes; a point
+ * straight ahead is read half as wrong again between voxels. */
+#define SHARPEN 2.5
+
+#define GOAL 0.0055 /* of a point's width: an error that is small enough */
+
+#define DIP_FAILS     0.2  /* rad of phase, rms: dip moveout of fewer speakers */
+#define STRONG_DB     10.0 /* below the strongest: what the error is stated for */
+#define POWER_WIDER   2.4  /* times: a point in an image of power */
+#define POWER         0.03
+#define BETWEEN       0.17 /* voxels */
+#define EDGE          0.04
+#define SHARPENED     0.75 /* times: `iterative` */
+#define BLUNT_BETWEEN 0.75 /* times: not sharpened */
+#define BLUNT_ASIDE   1.5
+#define BLUNT_EDGE    1.2
+#define UNKNOWN       0.03 /* of a width: of no point more exact than this is made much */
+#define MEAN_STEPS    64
+#define OF_EDGES      0.25 /* times: of what a point is beside itself, squared */
+#define MIRROR        3.0  /* times a point's width: a shape */
+
 static const double coarser[] = {0.5, FINE, 1.0, 1.2, 1.5, 2.0};
 static const double deeper[] = {1.0, 0.5, 0.25};
 static const double tops[] = {1.0, 0.8, 0.7}; /* of the band's top: waves are the cube */
@@ -38,6 +60,235 @@ struct planning {
     struct plan *plan;
     double goal_m; /* an error that is small enough */
 };
+
+/* -- how wrong an image will be ---------------------------------------------------------
+ */
+
+/* Standard deviation of a small object's position across the line of sight, the worst of
+ * the strong ones; the root of the sum of squares of
+ *
+ *   noise     width / sqrt(8 ln 4 SNR)            (Cramer-Rao, the image's own SNR)
+ *   elements  sigma R sqrt(12 / N) / D            (N elements over an aperture D)
+ *   moveout   `fast` without dip moveout: moveout_error.h; an image that falls
+ *             apart: width / 4; with it, of every second or fourth speaker, what these
+ *             add, times rms phase / 0.2 rad, 1 at most   (measured at 0.75 to 2.8 m)
+ *   steps     0.17 step^3 / width^2               (peak between voxels; measured)
+ *   planes    tilt x step in depth / sqrt(12)     (peak between planes: psf_tilt.h)
+ *   power     `incoherent`: 0.03 of its width     (measured)
+ *
+ * and, where something has a shape,
+ *
+ *   edges     0.04 width, times what the pairs' aperture is smaller for, and the cube of
+ *             what the mean frequency is lower for; `iterative`: three quarters of it
+ *             (measured)
+ *
+ * That is sharpened; if not, moveout and planes count 1.5 times, edges 1.2, and steps, of
+ * a point by `fast`, 0.75 (measured, over shifts of the grid).  Mirrors answer straight
+ * ahead: moveout and planes do not count for them, and half for other shapes (measured).
+ * Where nothing is known of the scene it may hold points or such shapes, and neither
+ * error is to be many times what it need be: their geometric mean, a point's with 0.03
+ * width, so that what is small enough weighs no more. */
+
+static double square(double x)
+{
+    return x * x;
+}
+
+/* The strongest object, or what is assumed. */
+static const struct probe_object *object_of(const struct probe *probe)
+{
+    return probe->n_objects ? &probe->objects[0] : &probe->typical;
+}
+
+/* Across the line of sight, the larger one that is resolved; 0: none. */
+static double width_m_of(const struct probe_object *o)
+{
+    double most_m = 0.0;
+    for (int a = 0; a < 2; a++)
+        if (isfinite(o->width_m[a]))
+            most_m = fmax(most_m, o->width_m[a]);
+    return most_m;
+}
+
+/* Something mirror-like and larger than a point. */
+static bool sees_shape(const struct probe *probe)
+{
+    const struct probe_object *o = &probe->objects[0];
+    return probe->n_objects && o->extent_m > MIRROR * width_m_of(o);
+}
+
+/* Of its step in depth, times that of the whole image. */
+static double depth_step(const struct planner_candidate *c)
+{
+    return fmax(c->coarser, 1.0) * c->deeper;
+}
+
+/* Lateral, from places of elements that are off. */
+static double element_error_m(const struct planner_config *cfg, double range_m,
+                              size_t stride)
+{
+    const struct geometry *g = cfg->set->geometry;
+    double low[3], high[3], sigma_m = cfg->probe->coherence.element_m;
+    geometry_aperture(g, low, high);
+    double aperture_m = fmax(high[1] - low[1], high[0] - low[0]);
+    double n = (double)(g->n_speakers / stride + g->n_microphones);
+    if (!(sigma_m > 0.0) || !(aperture_m > 0.0))
+        return 0.0;
+    return sigma_m * range_m * sqrt(12.0 / n) / aperture_m;
+}
+
+/* How many times narrower the midpoints of every n-th speaker stand. */
+static double narrowing(const struct geometry *g, size_t stride)
+{
+    double most = 1.0, low[3], high[3];
+    if (g->pings_m || !g->n_speakers)
+        return most;
+    geometry_aperture(g, low, high);
+    for (int a = 0; a < 2; a++) {
+        double all[2] = {INFINITY, -INFINITY}, some[2] = {INFINITY, -INFINITY};
+        for (size_t j = 0; j < g->n_speakers; j++) {
+            double at = g->speakers_m[j][a];
+            all[0] = fmin(all[0], at);
+            all[1] = fmax(all[1], at);
+            some[0] = j % stride ? some[0] : fmin(some[0], at);
+            some[1] = j % stride ? some[1] : fmax(some[1], at);
+        }
+        double lost = 0.5 * (all[1] - all[0] - (some[1] - some[0]));
+        if (high[a] - low[a] > lost)
+            most = fmax(most, (high[a] - low[a]) / (high[a] - low[a] - lost));
+    }
+    return most;
+}
+
+static bool is_stacked(const struct planner_candidate *c)
+{
+    return !strcmp(c->method, "fast") || !strcmp(c->method, "iterative");
+}
+
+/* Neither `fast` sharpened nor `iterative`. */
+static bool is_blunt(const struct planner_candidate *c)
+{
+    return !(c->sharpen > 0.0) && strcmp(c->method, "iterative") != 0;
+}
+
+/* Of Hann's window over the band, as far as it is imaged, and sharpened. */
+static double mean_hz(const double band_hz[2], double top_hz)
+{
+    double sum = 0.0, weight = 0.0;
+    for (int i = 0; i < MEAN_STEPS; i++) {
+        double x = (i + 0.5) / MEAN_STEPS;
+        double hz = band_hz[0] + x * (band_hz[1] - band_hz[0]);
+        double w = hz <= top_hz ? 0.5 - 0.5 * cos(2.0 * M_PI * x) : 0.0;
+        w *= pow(hz / band_hz[1], SHARPEN);
+        sum += w * hz;
+        weight += w;
+    }
+    return sum / weight;
+}
+
+/* How many times longer waves are in the mean when the top of the band is left out. */
+static double longer(const struct planner_config *cfg, const struct planner_candidate *c)
+{
+    const double *band_hz = cfg->set->band_hz;
+    return c->top_hz < band_hz[1]
+               ? mean_hz(band_hz, band_hz[1]) / mean_hz(band_hz, c->top_hz)
+               : 1.0;
+}
+
+/* Along one axis, squared: of what is straight ahead. */
+static double along(const struct planner_config *cfg, const struct planner_candidate *c,
+                    const struct probe_object *o, int a)
+{
+    double step_m = c->coarser * cfg->grid->step_m[a];
+    double width_m = o->width_m[a];
+    double sum = square(o->noise_m[a]) * (double)c->stride;
+    if (!strcmp(c->method, "incoherent")) {
+        width_m *= POWER_WIDER;
+        sum += square(POWER * width_m);
+    }
+    bool rounder = is_blunt(c) && !strcmp(c->method, "fast") && !sees_shape(cfg->probe);
+    double between = rounder ? BLUNT_BETWEEN * BETWEEN : BETWEEN;
+    return sum + square(between * step_m * square(step_m / width_m));
+}
+
+/* By how much moveout images it beside itself.  Of fewer speakers there are few pairs of
+ * each offset, and dip moveout, which wants lines of them, leaves the more of what these
+ * speakers add the more it has to move. */
+static double beside_m(const struct planner_candidate *c, const struct probe_object *o,
+                       int a)
+{
+    double fewer_m = c->stride == 1   ? 0.0
+                     : c->stride == 2 ? o->fewer_m[0][a]
+                                      : o->fewer_m[1][a];
+    return c->dip ? fmin(o->moveout_rad / DIP_FAILS, 1.0) * fewer_m
+                  : o->moveout_m[a] + fewer_m;
+}
+
+/* What comes to it where echoes come from aside. */
+static double aside(const struct planner_config *cfg, const struct planner_candidate *c,
+                    const struct probe_object *o, int a)
+{
+    double plane_m = depth_step(c) * cfg->grid->step_m[2];
+    double sum = square(o->tilt[a] * plane_m) / 12.0;
+    if (is_stacked(c)) {
+        sum += square(beside_m(c, o, a));
+        if (!c->dip && o->moveout_rad > MOVEOUT_FALLS_APART)
+            sum += square(0.25 * o->width_m[a]);
+    }
+    return is_blunt(c) ? square(BLUNT_ASIDE) * sum : sum;
+}
+
+/* Of the edges of a shape, in widths of a point. */
+static double edges(const struct planner_config *cfg, const struct planner_candidate *c)
+{
+    double sharper = !strcmp(c->method, "iterative") ? SHARPENED
+                     : is_blunt(c)                   ? BLUNT_EDGE
+                                                     : 1.0;
+    return EDGE * sharper * pow(longer(cfg, c), 3.0) *
+           narrowing(cfg->set->geometry, c->stride);
+}
+
+static double object_error_m(const struct planner_config *cfg,
+                             const struct planner_candidate *c,
+                             const struct probe_object *o, double in_widths,
+                             bool elements)
+{
+    double ahead = elements ? square(element_error_m(cfg, o->position_m[2], c->stride))
+                            : 0.0;
+    double slant = 0.0;
+    for (int a = 0; a < 2; a++) {
+        if (!isfinite(o->width_m[a]))
+            continue;
+        ahead += along(cfg, c, o, a);
+        slant += aside(cfg, c, o, a);
+    }
+    double shape = ahead + square(in_widths * width_m_of(o)), point = ahead + slant;
+    if (sees_shape(cfg->probe))
+        return sqrt(shape + (cfg->probe->specular ? 0.0 : OF_EDGES * slant));
+    if (cfg->probe->n_objects)
+        return sqrt(point);
+    return sqrt(sqrt(shape * (point + square(UNKNOWN * width_m_of(o)))));
+}
+
+static double worst_m(const struct planner_config *cfg, const struct planner_candidate *c,
+                      double in_widths, bool elements)
+{
+    const struct probe *probe = cfg->probe;
+    double most_m = object_error_m(cfg, c, object_of(probe), in_widths, elements);
+    for (size_t i = 1; i < probe->n_objects; i++)
+        if (probe->objects[i].level_db > probe->snr_db - STRONG_DB)
+            most_m = fmax(
+                most_m, object_error_m(cfg, c, &probe->objects[i], in_widths, elements));
+    return most_m;
+}
+
+/* Fills in error_m and own_m. */
+static void estimate_error(const struct planner_config *cfg, struct planner_candidate *c)
+{
+    double in_widths = edges(cfg, c);
+    c->error_m = worst_m(cfg, c, in_widths, true);
+    c->own_m = worst_m(cfg, c, in_widths, false);
+}
 
 /* -- what an image is of ----------------------------------------------------------------
  */
@@ -75,7 +326,7 @@ static void plan_grid(const struct planning *p, const struct planner_candidate *
     out->n[2] = (size_t)fmax(last - first, 0.0) + 1;
     for (int a = 0; a < 3; a++) {
         double extent_m = out->step_m[a] * (double)(out->n[a] - 1);
-        out->step_m[a] *= a == 2 ? planner_depth_step(c) : c->coarser;
+        out->step_m[a] *= a == 2 ? depth_step(c) : c->coarser;
         out->n[a] = (size_t)floor(extent_m / out->step_m[a] + 1e-6) + 1;
     }
 }
@@ -138,7 +389,7 @@ static bool may_deepen(const struct planning *p, const struct planner_candidate 
     if (c->deeper == 1.0 || cfg->keep_grid)
         return c->deeper == 1.0;
     plan_grid(p, c, &grid);
-    return grid.step_m[2] >= LEAST_DEPTH * planner_object(cfg->probe)->width_m[2] &&
+    return grid.step_m[2] >= LEAST_DEPTH * object_of(cfg->probe)->width_m[2] &&
            (double)grid_size(&grid) <= MOST_VOXELS;
 }
 
@@ -148,7 +399,7 @@ static void add(const struct planning *p, struct planner_candidate c)
     if (plan->n_candidates == PLANNER_CANDIDATES || !may_deepen(p, &c))
         return;
     c.time_s = time_s(p, &c);
-    planner_estimate_error(p->cfg, &c);
+    estimate_error(p->cfg, &c);
     plan->candidates[plan->n_candidates++] = c;
 }
 
@@ -157,7 +408,7 @@ static void list_sharpness(const struct planning *p, struct planner_candidate c)
 {
     const struct probe *probe = p->cfg->probe;
     bool stands = !(probe->coherence.element_m > SHARPEST_M);
-    c.sharpen = PLANNER_SHARPEN;
+    c.sharpen = SHARPEN;
     if (stands)
         add(p, c);
     c.sharpen = 0.0;
@@ -204,7 +455,7 @@ static void list_at(const struct planning *p, double factor, size_t stride)
         list_bands(p, any);
     any.method = "iterative";
     if (stacked && stride == 1 && isfinite(p->cfg->budget_s) && factor == 1.0 &&
-        planner_sees_shape(probe)) {
+        sees_shape(probe)) {
         any.iterations = count_iterations(p, any);
         add(p, any);
     }
@@ -399,9 +650,9 @@ static void take(const struct planning *p, const struct planner_candidate *best)
 void planner_decide(struct plan *out, const struct planner_config *cfg)
 {
     struct planning p = {.cfg = cfg, .plan = out};
-    const struct probe_object *o = planner_object(cfg->probe);
+    const struct probe_object *o = object_of(cfg->probe);
     memset(out, 0, sizeof *out);
-    p.goal_m = cfg->error_m > 0.0 ? cfg->error_m : PLANNER_GOAL * planner_width_m(o);
+    p.goal_m = cfg->error_m > 0.0 ? cfg->error_m : GOAL * width_m_of(o);
     list(&p);
     const struct planner_candidate *best = &out->candidates[0];
     for (size_t i = 1; i < out->n_candidates; i++)
