@@ -5,6 +5,7 @@
 #define ANLOS_RECON_MOUNT_H
 
 #include "recon/ego.h"
+#include "recon/survey.h"
 
 struct mount {
     double origin_m[3]; /* the array's origin in the vehicle frame */
@@ -29,5 +30,13 @@ void mount_step(const struct mount *m, const struct ego_step *s, double r[3][3],
 /* What the vehicle's motion is for the array: its velocity in its own frame, m/s. */
 void mount_velocity(const struct mount *m, const struct ego_motion *motion,
                     double out[3]);
+
+/* That of a survey.  For what moves: without a mount the array counts as looking forward
+ * from the vehicle's origin, its x axis to the left. */
+void mount_of_survey(const struct survey *s, struct mount *out);
+
+/* A point p of the array's frame is at r p + t in that of survey_to_vehicle, r
+ * [vehicle][array]; without a mount that is p itself. */
+void mount_survey_axes(const struct survey *s, double r[3][3], double t[3]);
 
 #endif

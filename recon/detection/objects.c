@@ -11,8 +11,8 @@
 #include "recon/detection/lobes.h"
 #include "recon/detection/multipath.h"
 #include "recon/detection/peak.h"
+#include "recon/mount.h"
 #include "recon/processing.h"
-#include "recon/vehicle_frame.h"
 
 #define CLUSTER_WIDTHS 3.0  /* of a point, that pings around objects keep apart */
 #define HEIGHT_LEAST_M 0.01 /* of an array that tells heights */
@@ -184,7 +184,7 @@ void objects_place(struct placement *out, const struct survey *s,
         wall_mirror(wall, position, position);
     }
     out->in_free_view = walls_in_free_view(walls, position);
-    vehicle_frame_axes(s, r, t);
+    mount_survey_axes(s, r, t);
     survey_to_vehicle(s, position, out->position_m);
     turn_covariance((const double(*)[3])r, covariance, out->covariance_m2);
     turn_covariance((const double(*)[3])r, height, out->height_m2);

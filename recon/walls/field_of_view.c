@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "recon/vehicle_frame.h"
+#include "recon/mount.h"
 
 #define PI          3.14159265358979323846
 #define MAX_WALLS   16 /* known and lost ones */

@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "recon/vehicle_frame.h"
+#include "recon/mount.h"
 
 #define PAIRS_MOST 2048 /* of a scan: more places are ignored */
 #define GROUND_M   0.05 /* a mount lower than this does not say where the ground is */
@@ -43,7 +43,7 @@ static void configure_estimate(struct wall_listener *l)
     e->prior.vertical = l->cfg.vertical;
     e->prior.vertical_rad = l->cfg.vertical_rad;
     e->reach_m[1] = l->cfg.reach_m;
-    vehicle_frame_axes(l->survey, r, t);
+    mount_survey_axes(l->survey, r, t);
     if (!l->survey->has_mount || t[2] < GROUND_M)
         return;
     e->has_ground = true; /* z = 0 of the vehicle */
@@ -202,7 +202,7 @@ static bool carry_all(struct wall_listener *l, const struct ego_path *path,
 {
     bool known = true;
     struct mount mount;
-    vehicle_frame_mount(l->survey, &mount);
+    mount_of_survey(l->survey, &mount);
     for (size_t k = 0; k < l->n_pings; k++) {
         const struct heard *h = &l->pings[k];
         struct ego_step step = {0.0, 0.0, 0.0};

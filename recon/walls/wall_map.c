@@ -5,7 +5,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "recon/vehicle_frame.h"
+#include "recon/mount.h"
 
 #define UNSAID_M   0.05
 #define UNSAID_RAD 0.035
@@ -56,7 +56,7 @@ void wall_map_advance(struct wall_map *k, int64_t to_ns)
         motion.known = !k->blind;
         motion.way_m = hypot(step.dx_m, step.dy_m);
         motion.turn_rad = fabs(step.dyaw);
-        vehicle_frame_mount(k->survey, &mount);
+        mount_of_survey(k->survey, &mount);
         mount_step(&mount, &step, motion.r, motion.t);
         wall_tracks_predict(&k->tracks, &k->cfg, &motion);
     }

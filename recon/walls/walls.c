@@ -5,7 +5,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "recon/vehicle_frame.h"
+#include "recon/mount.h"
 
 #define EXACT 1e-12 /* of a length that is 1 but for rounding */
 
@@ -41,7 +41,7 @@ void walls_step(struct walls *w, const struct survey *s, const struct ego_step *
     struct mount mount;
     double r[3][3], t[3];
 
-    vehicle_frame_mount(s, &mount);
+    mount_of_survey(s, &mount);
     mount_step(&mount, step, r, t);
     for (size_t i = 0; i < w->n; i++)
         wall_move(&w->list[i].plane, array_up, (const double(*)[3])r, t,
@@ -126,7 +126,7 @@ void walls_to_array(struct walls *w, const struct survey *s)
     struct mount mount;
     double shift[3];
 
-    vehicle_frame_mount(s, &mount);
+    mount_of_survey(s, &mount);
     mount_to_array(&mount, vehicle_origin, shift);
     for (size_t i = 0; i < w->n; i++) {
         struct wall *plane = &w->list[i].plane;

@@ -13,7 +13,7 @@
 #include "msgs/topics.h"
 #include "nodes/anlos/bag/stream.h"
 #include "nodes/anlos/score/drive_told.h"
-#include "recon/vehicle_frame.h"
+#include "recon/mount.h"
 
 enum { MOST_AT_ONCE = 64 };
 
@@ -136,7 +136,7 @@ static void set_virtual(const struct drive_bag_world *w, int64_t ns, struct room
     double r[3][3], at[3], p[3];
     struct wall wall;
 
-    vehicle_frame_axes(&w->survey, r, at);
+    mount_survey_axes(&w->survey, r, at);
     for (int a = 0; a < 3; a++)
         p[a] = r[0][a] * (t->position_m[0] - at[0]) +
                r[1][a] * (t->position_m[1] - at[1]) +
