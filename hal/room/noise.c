@@ -1,15 +1,24 @@
 /* SPDX-License-Identifier: MIT */
 #include "hal/room/noise.h"
 
+#include <complex.h>
 #include <errno.h>
 #include <math.h>
 #include <stdbool.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "hal/random.h"
 #include "hal/room/vector.h"
 
-enum { STREAM_SLAM = 13, DECAYS = 8 /* 69 dB down */ };
+enum {
+    STREAM_SLAM = 13,
+    STREAM_COMB = 17,
+    STREAM_TONE_GAIN = 18,
+    DECAYS = 8,    /* 69 dB down */
+    STRETCH = 256, /* samples for which a frequency stays what it is */
+};
+#define WANDER_S 10.0
 
 static int create_slam(struct slam *out, const struct scene_slam *from, size_t number,
                        uint32_t seed, const struct survey *s, double sound_speed_m_s)
@@ -40,6 +49,7 @@ int noise_create(struct noise *out, const struct scene *scene, const struct surv
 {
     unsigned n = scene->drive ? scene->noise->n_slams : 0;
     *out = (struct noise){.scene = scene->noise,
+                          .seed = scene->seed,
                           .n_microphones = s->n_microphones,
                           .sample_rate_hz = s->sample_rate_hz};
     if (!n)
@@ -92,13 +102,56 @@ static bool sounds(const struct scene_tone *tone, const struct drive *drive, dou
     return at_s >= tone->during_s[0] && at_s < tone->during_s[1];
 }
 
-static void add_tone(const struct scene_tone *tone, const struct drive *drive, double t_s,
-                     double sample_rate_hz, size_t n_microphones, float *samples,
-                     size_t stride, size_t n)
+/* Cycles of the fundamental since world time 0. */
+static double cycles(const struct scene_tone *tone, double t_s)
+{
+    double turn = 2 * M_PI / WANDER_S;
+    return tone->frequency_hz * (t_s + tone->wander * (1 - cos(turn * t_s)) / turn);
+}
+
+/* Harmonics of a stretch, all as loud; a sine goes on by turning a phasor. */
+static void make_stretch(const struct scene_tone *tone, struct random phases, double t_s,
+                         double sample_rate_hz, double out[STRETCH])
+{
+    uint32_t one[2] = {1, tone->harmonics ? tone->harmonics : 1};
+    const uint32_t *comb = tone->comb ? tone->comb : one;
+    double begins = cycles(tone, t_s);
+    double step = (cycles(tone, t_s + STRETCH / sample_rate_hz) - begins) / STRETCH;
+    memset(out, 0, STRETCH * sizeof *out);
+    for (uint32_t h = comb[0]; h <= comb[1] && h * step < 0.5; h++) {
+        double level = tone->comb ? 1 / sqrt(comb[1] - comb[0] + 1.0) : 1.0 / h;
+        double phase = tone->comb ? random_even(&phases) : 0;
+        double complex z = M_SQRT2 * tone->rms * level *
+                           cexp(2 * M_PI * I * fmod(h * begins + phase, 1));
+        double complex turn = cexp(2 * M_PI * I * h * step);
+        for (int i = 0; i < STRETCH; i++, z *= turn)
+            out[i] += cimag(z);
+    }
+}
+
+static void add_stretches(const struct noise *x, unsigned number, double t_s,
+                          float *samples, size_t stride, size_t n)
+{
+    const struct scene_tone *tone = &x->scene->tones[number];
+    double stretch[STRETCH];
+    struct random phases, gains;
+    random_seed(&phases, (uint64_t[]){x->seed, STREAM_COMB, number}, 3);
+    for (size_t from = 0; from < n; from += STRETCH) {
+        make_stretch(tone, phases, t_s + (double)from / x->sample_rate_hz,
+                     x->sample_rate_hz, stretch);
+        random_seed(&gains, (uint64_t[]){x->seed, STREAM_TONE_GAIN, number}, 3);
+        for (size_t m = 0; m < x->n_microphones; m++) {
+            double gain = pow(10, tone->spread_db * random_normal(&gains) / 20);
+            for (size_t i = from; i < n && i < from + STRETCH; i++)
+                samples[m * stride + i] += (float)(gain * stretch[i - from]);
+        }
+    }
+}
+
+static void add_tone(const struct scene_tone *tone, double t_s, double sample_rate_hz,
+                     size_t n_microphones, float *samples, size_t stride, size_t n)
 {
     unsigned harmonics = tone->harmonics ? tone->harmonics : 1;
-    if (!sounds(tone, drive, t_s))
-        return;
     for (unsigned h = 1; h <= harmonics; h++) {
         double hz = h * tone->frequency_hz, step = 2 * M_PI * hz / sample_rate_hz;
         double begins = 2 * M_PI * fmod(hz * t_s, 1);
@@ -132,9 +185,15 @@ void noise_add(const struct noise *x, const struct drive *drive, double t_s,
         for (size_t m = 0; m < x->n_microphones; m++)
             add_slam(x, &x->slams[i], t_s - x->slams[i].heard_s[m], samples + m * stride,
                      n);
-    for (unsigned i = 0; i < x->scene->n_tones; i++)
-        add_tone(&x->scene->tones[i], drive, t_s, x->sample_rate_hz, x->n_microphones,
-                 samples, stride, n);
+    for (unsigned i = 0; i < x->scene->n_tones; i++) {
+        const struct scene_tone *tone = &x->scene->tones[i];
+        if (!sounds(tone, drive, t_s))
+            continue;
+        if (tone->comb || tone->wander > 0 || tone->spread_db > 0)
+            add_stretches(x, i, t_s, samples, stride, n);
+        else
+            add_tone(tone, t_s, x->sample_rate_hz, x->n_microphones, samples, stride, n);
+    }
     if (!(rms > 0))
         return;
     random_seed(&random, words, n_words);

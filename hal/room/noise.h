@@ -3,7 +3,7 @@
  * `noise`: hiss, which may rise for a while; slams, that is sounds from outside that
  * begin at once and fade: white noise under an exponential, from one place, the same for
  * all microphones but for when it gets to them; tones, electrical noise in the cables:
- * sines that all microphones have alike. */
+ * sines in all microphones. */
 #ifndef ANLOS_HAL_ROOM_NOISE_H
 #define ANLOS_HAL_ROOM_NOISE_H
 
@@ -17,6 +17,7 @@
 struct noise {
     const struct scene_noise *scene; /* not owned */
     double rms;                      /* of the hiss */
+    uint32_t seed;
     size_t n_microphones;
     double period_s, sample_rate_hz;
     size_t n_slams;

@@ -105,11 +105,18 @@ static const cyaml_schema_field_t slam_fields[] = {
     VECTOR_PTR(scene_slam, position_m, 3), CYAML_FIELD_END};
 static const cyaml_schema_value_t slam_schema = {
     CYAML_VALUE_MAPPING(CYAML_FLAG_DEFAULT, struct scene_slam, slam_fields)};
+static const cyaml_schema_value_t harmonic = {
+    CYAML_VALUE_UINT(CYAML_FLAG_DEFAULT, uint32_t)};
 static const cyaml_schema_field_t tone_fields[] = {
     NUMBER(scene_tone, frequency_hz, CYAML_FLAG_DEFAULT),
     NUMBER(scene_tone, rms, CYAML_FLAG_DEFAULT),
     CYAML_FIELD_UINT("harmonics", OPTIONAL, struct scene_tone, harmonics),
-    VECTOR_PTR(scene_tone, during_s, 2), CYAML_FIELD_END};
+    CYAML_FIELD_SEQUENCE_FIXED("comb", CYAML_FLAG_POINTER | OPTIONAL, struct scene_tone,
+                               comb, &harmonic, 2),
+    NUMBER(scene_tone, wander, OPTIONAL),
+    NUMBER(scene_tone, spread_db, OPTIONAL),
+    VECTOR_PTR(scene_tone, during_s, 2),
+    CYAML_FIELD_END};
 static const cyaml_schema_value_t tone_schema = {
     CYAML_VALUE_MAPPING(CYAML_FLAG_DEFAULT, struct scene_tone, tone_fields)};
 static const cyaml_schema_field_t noise_fields[] = {

@@ -104,9 +104,13 @@ struct scene_slam {     /* a door, a stone: noise that begins at once and fades 
 
 struct scene_tone { /* electrical: a supply, the mains */
     double frequency_hz;
-    double rms; /* full scale +-1, of the first harmonic, in all microphones alike */
+    double rms; /* full scale +-1, of the first harmonic; of a comb, of all of it */
     uint32_t
-        harmonics; /* of them, up to half the rate, the n-th 1 / n as loud; 0, 1: one */
+        harmonics;  /* of them, up to half the rate, the n-th 1 / n as loud; 0, 1: one */
+    uint32_t *comb; /* [2] in their place: from one to another, all as loud, with phases
+                       that the seed draws */
+    double wander;  /* the frequency goes to and fro by this part of it, in 10 s */
+    double spread_db; /* standard deviation of how loud microphones have it; 0: alike */
     double *during_s; /* [2] drive: from one time to another */
 };
 

@@ -355,6 +355,8 @@ static int check_slam(const struct scene_slam *slam, unsigned index, double peri
     return err;
 }
 
+#define MOST_HARMONICS 10000
+
 static int check_tone(const struct scene_tone *tone, unsigned index, double period_s,
                       const char *path, struct error *why)
 {
@@ -364,6 +366,20 @@ static int check_tone(const struct scene_tone *tone, unsigned index, double peri
     snprintf(key, sizeof key, "noise.tones[%u].rms", index);
     if (!err)
         err = check_value(tone->rms, (struct span){0, 10}, key, path, why);
+    snprintf(key, sizeof key, "noise.tones[%u].comb", index);
+    if (!err && tone->comb && tone->harmonics)
+        err = yaml_error_say(why, -EINVAL, path, key,
+                             "a tone has this or harmonics, not both");
+    for (int k = 0; k < 2 && !err && tone->comb; k++)
+        err = check_value(tone->comb[k],
+                          (struct span){k ? tone->comb[0] : 1, MOST_HARMONICS}, key, path,
+                          why);
+    snprintf(key, sizeof key, "noise.tones[%u].wander", index);
+    if (!err)
+        err = check_value(tone->wander, (struct span){0, 0.1}, key, path, why);
+    snprintf(key, sizeof key, "noise.tones[%u].spread_db", index);
+    if (!err)
+        err = check_value(tone->spread_db, (struct span){0, 40}, key, path, why);
     snprintf(key, sizeof key, "noise.tones[%u].during_s", index);
     return !err && tone->during_s ? check_during(tone->during_s, period_s, key, path, why)
                                   : err;

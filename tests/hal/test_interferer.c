@@ -177,6 +177,63 @@ static void a_tone_goes_on_in_phase_with_its_harmonics(void **state)
     room_destroy(r);
 }
 
+/* 2000, 2050 and 2100 Hz: again after 20 ms, and all together as loud as said. */
+static void a_comb_comes_again_after_its_period(void **state)
+{
+    enum { PERIOD = 960 };
+    struct room *r = drive_load(state, QUIET BESIDE NO_ECHO
+                                "noise: {tones: [{frequency_hz: 50, rms: 0.1, comb: [40, "
+                                "42]}]}\n");
+    struct room_stream *s = listen(r);
+    const float *x;
+
+    for (uint64_t n = 0; n < 40; n += 13) {
+        double power = 0;
+        assert_int_equal(room_stream_ping(s, n, &x), 0);
+        for (size_t i = 0; i < PERIOD; i++) {
+            power += (double)x[i] * x[i] / PERIOD;
+            if (i + PERIOD < room_frames(r, 1))
+                assert_true(fabs(x[i] - x[i + PERIOD]) < 1e-5);
+        }
+        assert_true(fabs(sqrt(power) / 0.1 - 1) < 1e-3);
+    }
+    room_stream_destroy(s);
+    room_destroy(r);
+}
+
+/* Zero crossings of 1 kHz that goes to and fro by 10 %: 10 % more a second at a
+ * quarter of 10 s, less at three. */
+static void a_tone_wanders_to_and_fro(void **state)
+{
+    struct room *r = drive_load(state, QUIET BESIDE NO_ECHO
+                                "noise: {tones: [{frequency_hz: 1000, rms: 0.1, wander: "
+                                "0.1}]}\n");
+    struct room_stream *s = listen(r);
+    size_t n_samples = room_frames(r, 1);
+    static const struct {
+        uint64_t ping;
+        double hz;
+    } at[] = {{0, 1000}, {104, 1100}, {208, 1000}, {312, 900}};
+    const float *x;
+
+    for (size_t k = 0; k < sizeof at / sizeof *at; k++) {
+        double t_s, turns;
+        size_t first = 0, last = 0, crossings = 0;
+        assert_int_equal(room_stream_ping(s, at[k].ping, &x), 0);
+        for (size_t i = 1; i < n_samples; i++) {
+            if ((x[i - 1] < 0) == (x[i] < 0))
+                continue;
+            first = crossings++ ? first : i;
+            last = i;
+        }
+        t_s = (double)(last - first) / RATE_HZ;
+        turns = 0.5 * (double)(crossings - 1);
+        assert_true(fabs(turns / t_s / at[k].hz - 1) < 0.01);
+    }
+    room_stream_destroy(s);
+    room_destroy(r);
+}
+
 #define JITTER 96
 
 /* Slots are longer by it, starts lie anywhere in it, and our echo is at its sample. */
@@ -234,6 +291,14 @@ static void what_makes_no_sense_is_refused(void **state)
          "interferers[0].during_s"},
         {"noise: {tones: [{frequency_hz: 0, rms: 1}]}\n", "noise.tones[0].frequency_hz"},
         {"noise: {tones: [{frequency_hz: 50, rms: -1}]}\n", "noise.tones[0].rms"},
+        {"noise: {tones: [{frequency_hz: 50, rms: 1, comb: [9, 8]}]}\n",
+         "noise.tones[0].comb"},
+        {"noise: {tones: [{frequency_hz: 50, rms: 1, comb: [8, 9], harmonics: 3}]}\n",
+         "not both"},
+        {"noise: {tones: [{frequency_hz: 50, rms: 1, wander: 0.2}]}\n",
+         "noise.tones[0].wander"},
+        {"noise: {tones: [{frequency_hz: 50, rms: 1, spread_db: -1}]}\n",
+         "noise.tones[0].spread_db"},
     };
     char text[1024];
 
@@ -258,6 +323,8 @@ int main(void)
         TEST(beyond_the_wall_it_is_heard_through_an_opening_alone),
         TEST(it_is_there_while_the_scene_says_so),
         TEST(a_tone_goes_on_in_phase_with_its_harmonics),
+        TEST(a_comb_comes_again_after_its_period),
+        TEST(a_tone_wanders_to_and_fro),
         TEST(with_jitter_each_emission_comes_later_and_its_echo_with_it),
         TEST(what_makes_no_sense_is_refused),
     };
