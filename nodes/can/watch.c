@@ -356,8 +356,8 @@ static void take_fault(struct watch_node *n, const Anlos__Fault *f)
     if (!strcmp(f->name, NODE_FAULT_MICROPHONES_MOVED) ||
         !strcmp(f->name, NODE_FAULT_SPEAKERS_MOVED))
         n->moved += f->count;
-    if (!strcmp(f->name, NODE_FAULT_INTERFERENCE))
-        n->interfered = f->count;
+    if (!strcmp(f->name, NODE_FAULT_INTERFERENCE) || !strcmp(f->name, NODE_FAULT_TONE))
+        n->interfered += f->count;
 }
 
 void watch_health(struct watch *w, const Anlos__Health *health, int64_t now_ns)
@@ -553,7 +553,7 @@ void watch_text(const struct watch *w, char *text, size_t size)
         [CAN_FAULT_RANGE_REDUCED] = "noise hides who is far away",
         [CAN_FAULT_ELEMENTS_COVERED] = "covered microphones or speakers",
         [CAN_FAULT_ELEMENTS_MOVED] = "microphones or speakers that have moved",
-        [CAN_FAULT_INTERFERENCE] = "another array is heard",
+        [CAN_FAULT_INTERFERENCE] = "another array or a steady tone is heard",
     };
     size_t used = 0;
 

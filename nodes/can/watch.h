@@ -31,7 +31,7 @@
  *     noise of now | degraded | 1 s |
  * | elements covered | at once when a microphone or a speaker is | blocked | 1 s |
  * | elements moved | at once when a microphone or a speaker has | degraded | 1 s |
- * | interference * | at once when another array is heard | degraded | 1 s |
+ * | interference * | at once when another array or a tone is heard | degraded | 1 s |
  *
  * "At once" is with the next watch_step.  * only of a fixed array: the image of a scan
  * may take its time.  What was not there while this node itself did not run is not missed

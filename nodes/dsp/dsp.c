@@ -31,8 +31,10 @@ struct dsp {
     int64_t places_ns;    /* that the array was told of them last */
     bool limited;
     struct node_dropped dropped;
-    uint64_t blanked; /* pings */
-    bool interfered;  /* another array is heard */
+    uint64_t blanked;       /* pings */
+    bool interfered;        /* another array is heard */
+    struct tone_found tone; /* as it was told */
+    char tone_text[64];     /* empty: none */
 };
 
 int dsp_create(struct dsp **out, struct node *node, const struct frontend_config *cfg)
@@ -190,6 +192,45 @@ static void tell_interference(struct dsp *d)
         node_log(d->node, LOG_LEVEL_INFO, "no other array is heard any more");
 }
 
+/* A frequency may wander, and is told anew by a twentieth. */
+static bool is_as_told(const struct tone_found *now, const struct tone_found *told)
+{
+    return now->kind == told->kind &&
+           fabs(now->frequency_hz - told->frequency_hz) <= 0.05 * told->frequency_hz;
+}
+
+static void tell_tones(struct dsp *d)
+{
+    struct tone_found t;
+
+    frontend_tones(d->frontend, &t);
+    node_fault(d->node, NODE_FAULT_TONE, t.kind != TONE_NONE, 1);
+    d->sensing.tone_hz = t.frequency_hz;
+    d->sensing.tone_rms = t.rms;
+    d->sensing.tone_lines = (uint32_t)t.n_lines;
+    if (is_as_told(&t, &d->tone))
+        return;
+    d->tone = t;
+    if (t.kind == TONE_LINES && t.n_lines > 1)
+        snprintf(d->tone_text, sizeof d->tone_text,
+                 "%zu steady tones, the loudest %.0f Hz", t.n_lines, t.frequency_hz);
+    else if (t.kind == TONE_LINES)
+        snprintf(d->tone_text, sizeof d->tone_text, "a steady tone of %.0f Hz",
+                 t.frequency_hz);
+    else if (t.kind == TONE_COMB)
+        snprintf(d->tone_text, sizeof d->tone_text, "a comb of tones %.1f Hz apart",
+                 t.frequency_hz);
+    else
+        d->tone_text[0] = '\0';
+    if (d->tone_text[0])
+        node_log(d->node, LOG_LEVEL_WARNING,
+                 "%s is heard, %.0f dB re full scale: electrical noise, or a sound from "
+                 "outside.  What all microphones have of it alike is taken out",
+                 d->tone_text, 20.0 * log10(t.rms));
+    else
+        node_log(d->node, LOG_LEVEL_INFO, "no steady tone is heard any more");
+}
+
 /* A scan takes again what was of no use; a static array goes on. */
 static void acknowledge(const Anlos__Ping *ping, enum frontend_outcome outcome,
                         struct dsp_output *out)
@@ -242,6 +283,9 @@ static void tell_well(struct dsp *d)
     else if (d->interfered)
         node_state(d->node, ANLOS__HEALTH__STATE__READY,
                    "ready, but another array is heard");
+    else if (d->tone_text[0])
+        node_state(d->node, ANLOS__HEALTH__STATE__READY, "ready, but %s is heard",
+                   d->tone_text);
     else if (d->moved_text[0])
         node_state(d->node, ANLOS__HEALTH__STATE__READY, "ready, but %s", d->moved_text);
     else if (d->limited && d->sensing.range_m == 0.0)
@@ -452,8 +496,10 @@ static int take_ping(void *self, const struct node_message *in)
     if (out.note[0])
         node_log(node, LOG_LEVEL_WARNING, "%s", out.note);
     judge(d, in);
-    if (out.has_traces && out.traces.frame)
+    if (out.has_traces && out.traces.frame) {
         tell_interference(d);
+        tell_tones(d);
+    }
     if (out.has_traces)
         show_air(d, dsp_air(d));
     tell_faults(d, &out.faults);

@@ -94,6 +94,7 @@ void node_state(struct node *n, Anlos__Health__State state, const char *format, 
 #define NODE_FAULT_SPEAKERS_MOVED      "speakers_moved"
 #define NODE_FAULT_RANGE_REDUCED       "range_reduced" /* of the array, by noise */
 #define NODE_FAULT_INTERFERENCE        "interference"  /* another array is heard */
+#define NODE_FAULT_TONE                "steady_tone"   /* or a comb, electrical maybe */
 void node_fault(struct node *n, const char *name, size_t count, size_t of);
 
 /* The launcher takes a node for hung, kills it and starts it again when its loop does not

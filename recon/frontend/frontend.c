@@ -8,6 +8,8 @@
 #include <string.h>
 
 #include "dsp/blanker.h"
+#include "dsp/eigencanceler.h"
+#include "dsp/tone_finder.h"
 #include "recon/frontend/channel_check.h"
 #include "recon/frontend/interference.h"
 #include "recon/frontend/mean_background.h"
@@ -42,6 +44,10 @@ struct frontend {
     struct mean_background *mean; /* of a static array */
     struct blanker *blanker;
     struct interference *interference;
+    struct tone_finder *tones; /* NULL: pings are too short for it, or it is a scan */
+    struct eigencanceler *canceler;
+    float complex *cancelled;    /* [n_microphones][whole_format.n_samples] */
+    const float complex *newest; /* the same, or whole or traces: no tones are in it */
     struct channel_check *check; /* of one ping at a time */
     unsigned *noticed;           /* [n_microphones], faults said already */
     bool missing_noticed;        /* a speaker's background */
@@ -74,6 +80,9 @@ void frontend_forget(struct frontend *f)
     mean_background_destroy(f->mean);
     blanker_destroy(f->blanker);
     interference_destroy(f->interference);
+    tone_finder_destroy(f->tones);
+    eigencanceler_destroy(f->canceler);
+    free(f->cancelled);
     wall_receiver_clear(&f->receiver);
     self_test_destroy(f->self_test);
     channel_check_destroy(f->check);
@@ -103,6 +112,31 @@ static int create_blanker(struct frontend *f)
     return blanker_create(&f->blanker, &cfg);
 }
 
+/* Of a static array whose pings are long enough.  0, -ENOMEM. */
+static int create_tone_finder(struct frontend *f)
+{
+    const struct survey *s = &f->survey;
+    size_t n_whole = f->whole_format.n_samples;
+    const struct tone_finder_config finder = {
+        .n_speakers = s->n_speakers,
+        .n_channels = s->n_microphones,
+        .n_samples = f->processing.ping_samples,
+        .rate_hz = s->sample_rate_hz,
+        .band_hz = {fmin(s->chirp_start_hz, s->chirp_stop_hz),
+                    fmax(s->chirp_start_hz, s->chirp_stop_hz)}};
+    const struct eigencanceler_config canceler = {.n_speakers = s->n_speakers,
+                                                  .n_channels = s->n_microphones,
+                                                  .n_samples = n_whole};
+
+    if (s->n_positions > 1)
+        return 0;
+    int err = tone_finder_create(&f->tones, &finder);
+    if (err)
+        return err == -EINVAL ? 0 : err;
+    f->cancelled = calloc(s->n_microphones * n_whole, sizeof *f->cancelled);
+    return f->cancelled ? eigencanceler_create(&f->canceler, &canceler) : -ENOMEM;
+}
+
 static int allocate(struct frontend *f)
 {
     size_t n_mics = f->survey.n_microphones;
@@ -114,6 +148,7 @@ static int allocate(struct frontend *f)
     bool apart = f->judges_whole || f->whole_format.n_samples != f->format.n_samples;
     if (apart)
         f->whole = calloc(n_mics * f->whole_format.n_samples, sizeof *f->whole);
+    f->newest = f->whole ? f->whole : f->traces;
     if (!f->noticed || !f->masked || !f->padded || !f->traces || (apart && !f->whole))
         return -ENOMEM;
     int err = channel_check_create(&f->check, n_mics, 1);
@@ -121,6 +156,8 @@ static int allocate(struct frontend *f)
         err = create_blanker(f);
     if (!err)
         err = interference_create(&f->interference, &f->survey, &f->format);
+    if (!err)
+        err = create_tone_finder(f);
     if (!err)
         err = mean_background_create(&f->mean, f->survey.n_speakers, n_mics,
                                      f->format.n_samples, f->cfg.background_s);
@@ -339,32 +376,68 @@ static void silence_masked(struct frontend *f)
                    f->format.n_samples * sizeof *f->traces);
 }
 
-static void compress(struct frontend *f, const struct ping *ping)
+/* [n_microphones][*stride]: a ping as long as need be, filled up with silence. */
+static const float *samples_of(struct frontend *f, const struct ping *ping,
+                               size_t *stride)
 {
     size_t need = f->processing.ping_samples, n = ping->n_samples;
     const float *x = ping->samples;
 
-    if (n < need) {
-        for (size_t m = 0; m < f->survey.n_microphones; m++) {
-            memcpy(f->padded + m * need, x + m * n, n * sizeof *x);
-            memset(f->padded + m * need + n, 0, (need - n) * sizeof *x);
-        }
-        x = f->padded;
-        n = need;
+    *stride = n < need ? need : n;
+    if (n >= need)
+        return x;
+    for (size_t m = 0; m < f->survey.n_microphones; m++) {
+        memcpy(f->padded + m * need, x + m * n, n * sizeof *x);
+        memset(f->padded + m * need + n, 0, (need - n) * sizeof *x);
     }
+    return f->padded;
+}
+
+/* -- compression and steady tones ------------------------------------------------------
+ */
+
+/* Listens for tones; what is there is taken out of all that is compressed, but for what
+ * judges the array: loud direct sound of one microphone gets into the others.  The mean
+ * is of the traces that it is subtracted from; a recorded background has no tones taken
+ * out. */
+static void cancel_tones(struct frontend *f, const struct ping *ping,
+                         const float *samples, size_t stride)
+{
+    size_t n = f->survey.n_microphones * f->whole_format.n_samples;
+    bool was = tone_finder_found(f->tones)->kind != TONE_NONE;
+
+    tone_finder_ping(f->tones, ping->speaker, samples, stride);
+    bool is = tone_finder_found(f->tones)->kind != TONE_NONE;
+    if (f->cfg.background == BACKGROUND_RECORDED)
+        return;
+    memcpy(f->cancelled, f->newest, n * sizeof *f->cancelled);
+    f->newest = f->cancelled;
+    eigencanceler_execute(f->canceler, ping->speaker, is, f->cancelled);
+    if (was != is)
+        mean_background_reset(f->mean);
+}
+
+static void compress(struct frontend *f, const struct ping *ping)
+{
+    size_t n, n_whole = f->whole_format.n_samples;
+    const float *x = samples_of(f, ping, &n);
+
     compressor_execute_either(f->compressor, ping->down, x, n,
                               f->whole ? f->whole : f->traces);
-    for (size_t m = 0; f->whole && m < f->survey.n_microphones; m++)
-        memcpy(f->traces + m * f->format.n_samples,
-               f->whole + m * f->whole_format.n_samples + f->gate,
+    f->newest = f->whole ? f->whole : f->traces;
+    if (f->tones && ping->frame && ping->valid)
+        cancel_tones(f, ping, x, n);
+    for (size_t m = 0; f->newest != f->traces && m < f->survey.n_microphones; m++)
+        memcpy(f->traces + m * f->format.n_samples, f->newest + m * n_whole + f->gate,
                f->format.n_samples * sizeof *f->traces);
 }
 
+/* Tones taken out. */
 static const float complex *whole_of(const struct frontend *f)
 {
     if (!(f->processing.reach_s > 0.0))
         return NULL;
-    return f->whole ? f->whole : f->traces;
+    return f->newest;
 }
 
 /* -- background -------------------------------------------------------------------------
@@ -442,6 +515,12 @@ static bool excise_foreign(struct frontend *f, const struct ping *ping, bool sub
         mean_background_excise(f->mean, foreign);
     interference_levels(f->interference, &levels);
     return levels.present;
+}
+
+void frontend_tones(const struct frontend *f, struct tone_found *out)
+{
+    *out = f->tones ? *tone_finder_found(f->tones)
+                    : (struct tone_found){.kind = TONE_NONE};
 }
 
 /* -- pings ------------------------------------------------------------------------------

@@ -15,6 +15,11 @@
  * chirps are taken out of each ping and of the mean, and no background counts as
  * subtracted: what is left is not only what moves.
  *
+ * While a steady tone or a comb sounds (dsp/tone_finder.h) what all microphones have at
+ * once is taken out of a static array's traces, those of the walls too, before anything
+ * is subtracted (dsp/eigencanceler.h), unless the background is a recorded one; the mean
+ * restarts when it comes and when it goes.
+ *
  * Where walls are heard, the same pulse compression gives what arrived from the emission
  * on, before anything is subtracted (recon/walls/wall_receiver.h), also of background
  * pings.  And the array tells of itself by it (recon/frontend/self_test.h), where that is
@@ -29,6 +34,7 @@
 #include <stddef.h>
 
 #include "dsp/error.h"
+#include "dsp/tone_finder.h"
 #include "recon/ego.h"
 #include "recon/frontend/air.h"
 #include "recon/frontend/compressor.h"
@@ -115,6 +121,10 @@ bool frontend_judge(struct frontend *f, const struct ping *ping,
 
 /* Is another array heard (recon/frontend/interference.h)?  Of a static array. */
 void frontend_interference(const struct frontend *f, struct interference_levels *out);
+
+/* Does a steady tone or a comb sound, in the band of the chirps (dsp/tone_finder.h)?  Of
+ * a static array. */
+void frontend_tones(const struct frontend *f, struct tone_found *out);
 
 /* Of the scan that the newest ping belongs to. */
 const struct air *frontend_air(const struct frontend *f);

@@ -44,6 +44,7 @@ struct drive {
     struct self_test_faults faults;
     struct self_test_levels levels;
     struct interference_levels interference;
+    struct tone_found tone;
     bool subtracted; /* of the newest ping's traces: a background, */
     bool silent;     /* and some samples are 0 */
     int64_t ego_ns;
@@ -122,6 +123,7 @@ static double go_on(struct drive *d)
     assert_true(frontend_judge(d->frontend, &ping, &d->faults, d->note, sizeof d->note));
     self_test_levels(judge, &d->levels);
     frontend_interference(d->frontend, &d->interference);
+    frontend_tones(d->frontend, &d->tone);
     const struct traces *t = &out.traces;
     d->subtracted = t->background_subtracted;
     d->silent = false;
@@ -148,7 +150,7 @@ static void where_nothing_is_wrong_nothing_is_said(void **state)
         start(&d, path);
         while (t_s < DRIVE_S) {
             t_s = go_on(&d);
-            if (d.levels.limited || d.note[0] || d.interference.present)
+            if (d.levels.limited || d.note[0] || d.interference.present || d.tone.kind)
                 fail_msg("%s at %.2f s: %.2f m, noise %.1f dB, echo %.1f; %s", scenes[i],
                          t_s, d.levels.range_m, d.levels.noise_db, d.levels.echo_db,
                          d.note);
@@ -476,10 +478,38 @@ static void an_array_with_slots_like_ours_is_known_within_four_seconds(void **st
     stop(&d);
 }
 
+/* Named within 1.2 s, gone 2 s after; while it is there a background is subtracted as
+ * without, but for a round after each change. */
+static void a_comb_of_the_mains_is_named_as_long_as_it_is_heard(void **state)
+{
+    char path[64];
+    struct drive d;
+    double t_s = 0.0;
+
+    (void)state;
+    write_scene(path, SCENES "drive-nothing.yaml",
+                "noise: {tones: [{frequency_hz: 50, rms: 0.1, comb: [40, 400], wander: "
+                "2e-4, spread_db: 6, during_s: [1.5, 4]}]}\n");
+    start(&d, path);
+    unlink(path);
+    while (t_s < 7.0 && t_s < DRIVE_S + 2.5) {
+        t_s = go_on(&d);
+        bool comb = d.tone.kind == TONE_COMB && fabs(d.tone.frequency_hz - 50.0) < 0.05;
+        bool wrong = (t_s < 1.5 || t_s > 6.0) && d.tone.kind != TONE_NONE;
+        wrong |= t_s > 2.7 && t_s < 4.0 && !comb;
+        wrong |= t_s > 3.3 && t_s < 4.0 && !d.subtracted;
+        if (wrong)
+            fail_msg("%.2f s: kind %d, %g Hz, subtracted %d", t_s, d.tone.kind,
+                     d.tone.frequency_hz, d.subtracted);
+    }
+    stop(&d);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(where_nothing_is_wrong_nothing_is_said),
+        cmocka_unit_test(a_comb_of_the_mains_is_named_as_long_as_it_is_heard),
         cmocka_unit_test(another_array_is_taken_out_as_long_as_it_is_heard),
         cmocka_unit_test(an_array_with_slots_like_ours_is_known_within_four_seconds),
         cmocka_unit_test(noise_25_db_up_degrades_and_says_how_far_it_reaches),
