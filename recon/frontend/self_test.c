@@ -70,6 +70,7 @@ struct self_test {
     double *fresh, *direct, *delay_s, *echo_s; /* [n_microphones], scratch */
     bool *unfit, *usable;                      /* [n_microphones] */
     bool has_noise;
+    bool tone; /* one sounds */
 };
 
 static double slot_s(const struct survey *s)
@@ -404,17 +405,32 @@ static const float complex *compress_own(struct self_test *t, const struct ping 
     return t->traces;
 }
 
+/* As if nobody had been listened to yet. */
+static void judge_nobody(struct self_test *t)
+{
+    for (size_t m = 0; m < t->survey->n_microphones; m++)
+        t->microphones[m].missed = 0;
+    for (size_t j = 0; j < t->survey->n_speakers; j++)
+        t->speakers[j].sounded = false;
+}
+
 static void listen(struct self_test *t, const struct ping *ping,
                    const float complex *traces)
 {
     size_t n_mics = t->survey->n_microphones, n = t->format.n_samples;
     struct speaker_state *speaker = &t->speakers[ping->speaker];
     double loudest = 0.0;
+    size_t n_hear = 0;
 
     for (size_t m = 0; m < n_mics; m++) {
         double power = heard_power(traces + m * n, n);
         t->microphones[m].hears = power > 0.0;
+        n_hear += power > 0.0;
         loudest = fmax(loudest, power);
+    }
+    if (t->tone && 2 * n_hear < n_mics) {
+        judge_nobody(t);
+        return;
     }
     if (loudest > 0.0 || expects_any(t, ping->speaker)) {
         speaker->sounded = true;
@@ -568,6 +584,11 @@ void self_test_ping(struct self_test *t, const struct ping *ping,
         out->moved_speakers += displacement_speaker(t->displacement, j)->moved;
     }
     notice(t, least, note, note_size);
+}
+
+void self_test_tone(struct self_test *t, bool sounds)
+{
+    t->tone = sounds;
 }
 
 void self_test_walls(struct self_test *t, const struct walls *walls)

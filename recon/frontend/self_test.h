@@ -9,7 +9,7 @@
  * deaf when it heard none of the pings of 70 ms that others heard; a speaker is mute when
  * nobody heard it when it sounded last, or 30 dB less than most: late echoes of the one
  * before are that loud.  Where noise would drown even the direct sound, neither is
- * judged.
+ * judged, nor by pings in which a steady tone hides it from half of the microphones.
  *
  * Covered: the direct sound of whole rows or columns of pairs drops (dsp/cover.h).
  *
@@ -72,6 +72,9 @@ void self_test_inherit(struct self_test *t, struct self_test *before);
 
 /* See range_monitor_walls. */
 void self_test_walls(struct self_test *t, const struct walls *walls);
+
+/* Does a steady tone sound (dsp/tone_finder.h), in the pings to come? */
+void self_test_tone(struct self_test *t, bool sounds);
 
 /* Of all pings up to this one.  traces: [n_microphones][given.n_samples], or NULL, see
  * above.  note: gets what was not said before, or stays as it is. A microphone whose
