@@ -632,8 +632,8 @@ bool frontend_judge(struct frontend *f, const struct ping *ping,
         return false;
     self_test_tone(f->self_test,
                    f->tones && tone_finder_found(f->tones)->kind != TONE_NONE);
-    self_test_ping(f->self_test, ping, f->judges_whole ? f->whole : NULL, out, note,
-                   note_size);
+    self_test_ping(f->self_test, ping, f->judges_whole ? f->whole : NULL,
+                   f->judges_whole ? f->newest : NULL, out, note, note_size);
     return true;
 }
 

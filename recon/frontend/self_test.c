@@ -528,11 +528,11 @@ static void measure_delays(struct self_test *t, size_t speaker,
 }
 
 static void measure(struct self_test *t, const struct ping *ping,
-                    const float complex *traces)
+                    const float complex *traces, const float complex *imaged)
 {
     for (size_t m = 0; m < t->survey->n_microphones; m++)
         t->unfit[m] = ping->not_finite[m];
-    measure_noise(t, ping->speaker, traces);
+    measure_noise(t, ping->speaker, imaged);
     if (!t->has_noise)
         return;
     measure_direct(t, ping->speaker, traces);
@@ -541,7 +541,7 @@ static void measure(struct self_test *t, const struct ping *ping,
         t->usable[m] = !t->unfit[m] && !t->microphones[m].covered;
     const struct range_ping heard = {
         .speaker = ping->speaker,
-        .traces = traces,
+        .traces = imaged,
         .noise = t->fresh,
         .usable = t->usable,
         .speaker_usable = !t->speakers[ping->speaker].covered};
@@ -557,16 +557,16 @@ static bool fits(const struct self_test *t, const struct ping *ping,
 }
 
 void self_test_ping(struct self_test *t, const struct ping *ping,
-                    const float complex *traces, struct self_test_faults *out, char *note,
-                    size_t note_size)
+                    const float complex *traces, const float complex *imaged,
+                    struct self_test_faults *out, char *note, size_t note_size)
 {
     if (fits(t, ping, traces) && t->compresses) {
         pulse_compress_execute(t->compress[ping->down && t->compress[1]], ping->samples,
                                t->n_samples, t->whole);
-        measure(t, ping, t->whole);
+        measure(t, ping, t->whole, t->whole);
         listen(t, ping, compress_own(t, ping));
     } else if (fits(t, ping, traces)) {
-        measure(t, ping, traces);
+        measure(t, ping, traces, imaged);
         listen(t, ping, traces);
     }
     *out = (struct self_test_faults){.of_microphones = t->survey->n_microphones,

@@ -77,12 +77,14 @@ void self_test_walls(struct self_test *t, const struct walls *walls);
 void self_test_tone(struct self_test *t, bool sounds);
 
 /* Of all pings up to this one.  traces: [n_microphones][given.n_samples], or NULL, see
- * above.  note: gets what was not said before, or stays as it is. A microphone whose
- * samples are no numbers, or a ping of another shape, is not judged.  Costs the passes of
- * dsp/noise_floor.h, and without traces the compression of two pings. */
+ * above; imaged: the same, as they are imaged, without what the front end takes out of
+ * them: by it noise is told.  note: gets what was not said before, or stays as it is. A
+ * microphone whose samples are no numbers, or a ping of another shape, is not judged.
+ * Costs the passes of dsp/noise_floor.h, and without traces the compression of two pings.
+ */
 void self_test_ping(struct self_test *t, const struct ping *ping,
-                    const float complex *traces, struct self_test_faults *out, char *note,
-                    size_t note_size);
+                    const float complex *traces, const float complex *imaged,
+                    struct self_test_faults *out, char *note, size_t note_size);
 
 void self_test_levels(const struct self_test *t, struct self_test_levels *out);
 bool self_test_covers_microphone(const struct self_test *t, size_t microphone);
