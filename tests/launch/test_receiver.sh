@@ -133,7 +133,7 @@ YAML
         >"$work/says" 2>&1 &
     pid=$!
     # tail waits for the file and for what is written; it ends with the launcher.
-    timeout "${DRIVE_S:-100}" tail -n +1 --pid=$pid -F "$work/out-$name/can.candump" 2>"$work/tail" |
+    timeout 100 tail -n +1 --pid=$pid -F "$work/out-$name/can.candump" 2>"$work/tail" |
         grep -m 60 -E ' (404#|408##)' >"$work/objects" || true
     run cat "$work/says"
     kill -TERM $pid 2>/dev/null || true
