@@ -6,8 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define TURNS                                                                            \
-    12 /* of the power method: at a share of a half 0.5^12 of the rest is left */
+#define TURNS 12 /* of the power method: of a half 0.5^12 of the rest is left */
 
 struct eigencanceler {
     struct eigencanceler_config cfg;

@@ -4,16 +4,15 @@
 #include <complex.h>
 #include <errno.h>
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "dsp/fft.h"
 #include "dsp/rank.h"
 
-#define AROUND                                                                           \
-    16            /* widths of a line, rate / n_samples, that its median is taken over   \
-                   */
-#define LOBE    2 /* of them on either side of a line in a Hann window */
+#define AROUND  16   /* lines, rate / n_samples wide, on either side: its median */
+#define LOBE    2    /* of them on either side of a line in a Hann window */
 #define WANDERS 0.03 /* of a frequency, from one block to the next */
 #define SHARP   4.0  /* a comb's correlation over the median one */
 #define SAME    0.85 /* of the largest correlation: it is a multiple of that lag */
@@ -94,7 +93,7 @@ static bool allocate(struct tone_finder *f)
 
 int tone_finder_create(struct tone_finder **out, const struct tone_finder_config *cfg)
 {
-    static const double lags_s[2] = TONE_FINDER_LAGS_S;
+    static const double apart_hz[2] = {TONE_FINDER_MOST_HZ, TONE_FINDER_LEAST_HZ};
     double lines = cfg->rate_hz / (double)cfg->n_samples; /* how wide one is */
 
     *out = NULL;
@@ -115,7 +114,7 @@ int tone_finder_create(struct tone_finder **out, const struct tone_finder_config
     f->lobe = (size_t)ceil(LOBE * lines / bin_hz);
     f->around = (size_t)ceil(AROUND * lines / bin_hz);
     for (int k = 0; k < 2; k++)
-        f->lags[k] = (size_t)fmin(lags_s[k] * cfg->rate_hz, (double)cfg->n_samples / 2);
+        f->lags[k] = (size_t)fmin(cfg->rate_hz / apart_hz[k], (double)cfg->n_samples / 2);
     if (!allocate(f)) {
         tone_finder_destroy(f);
         return -ENOMEM;
@@ -462,4 +461,16 @@ void tone_finder_ping(struct tone_finder *f, size_t speaker, const float *sample
 const struct tone_found *tone_finder_found(const struct tone_finder *f)
 {
     return &f->found;
+}
+
+void tone_found_text(const struct tone_found *t, char *text, size_t size)
+{
+    *text = '\0';
+    if (t->kind == TONE_LINES && t->n_lines > 1)
+        snprintf(text, size, "%zu steady tones, the loudest %.0f Hz", t->n_lines,
+                 t->frequency_hz);
+    else if (t->kind == TONE_LINES)
+        snprintf(text, size, "a steady tone of %.0f Hz", t->frequency_hz);
+    else if (t->kind == TONE_COMB)
+        snprintf(text, size, "a comb of tones %.1f Hz apart", t->frequency_hz);
 }

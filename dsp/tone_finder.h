@@ -10,7 +10,7 @@
  * as does a tone whose phase is the same again after a round.  A line is
  * TONE_FINDER_RATIO over the median around it in either, in half of the channels.  There
  * is a comb where of all that is left without a few lines TONE_FINDER_COMB or more comes
- * again after one time from TONE_FINDER_LAGS_S, and not after most others, in the
+ * again after one time, and not after most others, in the
  * differences.  It is there after TONE_FINDER_SOME such blocks in a row at nearly the
  * same frequency, and gone after TONE_FINDER_FEW without.
  *
@@ -29,10 +29,8 @@
 #define TONE_FINDER_RATIO    10.0 /* 10 dB */
 #define TONE_FINDER_LINES    8    /* more are a comb */
 #define TONE_FINDER_COMB     0.3
-#define TONE_FINDER_LAGS_S                                                               \
-    {                                                                                    \
-        2.5e-3, 21e-3                                                                    \
-    } /* lines 48 to 400 Hz apart */
+#define TONE_FINDER_LEAST_HZ 48.0 /* apart: lines of a comb */
+#define TONE_FINDER_MOST_HZ  400.0
 
 struct tone_finder_config {
     size_t n_speakers, n_channels, n_samples; /* of a ping: 21 ms and more show a comb */
@@ -57,6 +55,10 @@ int tone_finder_create(struct tone_finder **out, const struct tone_finder_config
 /* samples: [n_channels][stride >= n_samples].  A channel of zeros does not count. */
 void tone_finder_ping(struct tone_finder *f, size_t speaker, const float *samples,
                       size_t stride);
+
+/* "a steady tone of 5013 Hz", "3 steady tones, the loudest 5013 Hz", "a comb of tones
+ * 50.0 Hz apart"; "" where there is none. */
+void tone_found_text(const struct tone_found *t, char *text, size_t size);
 
 /* What is there now. */
 const struct tone_found *tone_finder_found(const struct tone_finder *f);

@@ -109,7 +109,7 @@ static double cycles(const struct scene_tone *tone, double t_s)
     return tone->frequency_hz * (t_s + tone->wander * (1 - cos(turn * t_s)) / turn);
 }
 
-/* Harmonics of a stretch, all as loud; a sine goes on by turning a phasor. */
+/* Harmonics of a stretch; a sine goes on by turning a phasor. */
 static void make_stretch(const struct scene_tone *tone, struct random phases, double t_s,
                          double sample_rate_hz, double out[STRETCH])
 {
@@ -129,8 +129,8 @@ static void make_stretch(const struct scene_tone *tone, struct random phases, do
     }
 }
 
-static void add_stretches(const struct noise *x, unsigned number, double t_s,
-                          float *samples, size_t stride, size_t n)
+static void add_tone(const struct noise *x, unsigned number, double t_s, float *samples,
+                     size_t stride, size_t n)
 {
     const struct scene_tone *tone = &x->scene->tones[number];
     double stretch[STRETCH];
@@ -144,23 +144,6 @@ static void add_stretches(const struct noise *x, unsigned number, double t_s,
             double gain = pow(10, tone->spread_db * random_normal(&gains) / 20);
             for (size_t i = from; i < n && i < from + STRETCH; i++)
                 samples[m * stride + i] += (float)(gain * stretch[i - from]);
-        }
-    }
-}
-
-static void add_tone(const struct scene_tone *tone, double t_s, double sample_rate_hz,
-                     size_t n_microphones, float *samples, size_t stride, size_t n)
-{
-    unsigned harmonics = tone->harmonics ? tone->harmonics : 1;
-    for (unsigned h = 1; h <= harmonics; h++) {
-        double hz = h * tone->frequency_hz, step = 2 * M_PI * hz / sample_rate_hz;
-        double begins = 2 * M_PI * fmod(hz * t_s, 1);
-        if (hz >= sample_rate_hz / 2)
-            break;
-        for (size_t i = 0; i < n; i++) {
-            float x = (float)(M_SQRT2 * tone->rms / h * sin(begins + step * (double)i));
-            for (size_t m = 0; m < n_microphones; m++)
-                samples[m * stride + i] += x;
         }
     }
 }
@@ -185,15 +168,9 @@ void noise_add(const struct noise *x, const struct drive *drive, double t_s,
         for (size_t m = 0; m < x->n_microphones; m++)
             add_slam(x, &x->slams[i], t_s - x->slams[i].heard_s[m], samples + m * stride,
                      n);
-    for (unsigned i = 0; i < x->scene->n_tones; i++) {
-        const struct scene_tone *tone = &x->scene->tones[i];
-        if (!sounds(tone, drive, t_s))
-            continue;
-        if (tone->comb || tone->wander > 0 || tone->spread_db > 0)
-            add_stretches(x, i, t_s, samples, stride, n);
-        else
-            add_tone(tone, t_s, x->sample_rate_hz, x->n_microphones, samples, stride, n);
-    }
+    for (unsigned i = 0; i < x->scene->n_tones; i++)
+        if (sounds(&x->scene->tones[i], drive, t_s))
+            add_tone(x, i, t_s, samples, stride, n);
     if (!(rms > 0))
         return;
     random_seed(&random, words, n_words);

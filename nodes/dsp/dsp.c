@@ -211,17 +211,7 @@ static void tell_tones(struct dsp *d)
     if (is_as_told(&t, &d->tone))
         return;
     d->tone = t;
-    if (t.kind == TONE_LINES && t.n_lines > 1)
-        snprintf(d->tone_text, sizeof d->tone_text,
-                 "%zu steady tones, the loudest %.0f Hz", t.n_lines, t.frequency_hz);
-    else if (t.kind == TONE_LINES)
-        snprintf(d->tone_text, sizeof d->tone_text, "a steady tone of %.0f Hz",
-                 t.frequency_hz);
-    else if (t.kind == TONE_COMB)
-        snprintf(d->tone_text, sizeof d->tone_text, "a comb of tones %.1f Hz apart",
-                 t.frequency_hz);
-    else
-        d->tone_text[0] = '\0';
+    tone_found_text(&t, d->tone_text, sizeof d->tone_text);
     if (d->tone_text[0])
         node_log(d->node, LOG_LEVEL_WARNING,
                  "%s is heard, %.0f dB re full scale: electrical noise, or a sound from "

@@ -258,6 +258,24 @@ static void what_few_channels_have_is_not_told(void **state)
     }
 }
 
+static void it_has_a_name(void **state)
+{
+    static const struct {
+        struct tone_found found;
+        const char *text;
+    } cases[] = {{{.kind = TONE_NONE}, ""},
+                 {{TONE_LINES, 5012.7, 0.1, 1}, "a steady tone of 5013 Hz"},
+                 {{TONE_LINES, 5012.7, 0.1, 3}, "3 steady tones, the loudest 5013 Hz"},
+                 {{TONE_COMB, 49.98, 0.1, 0}, "a comb of tones 50.0 Hz apart"}};
+    char text[64];
+
+    (void)state;
+    for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
+        tone_found_text(&cases[k].found, text, sizeof text);
+        assert_string_equal(text, cases[k].text);
+    }
+}
+
 static void what_makes_no_sense_is_refused(void **state)
 {
     struct tone_finder_config cfg = {.n_speakers = 1,
@@ -289,6 +307,7 @@ int main(void)
                                         setup, teardown),
         cmocka_unit_test_setup_teardown(what_few_channels_have_is_not_told, setup,
                                         teardown),
+        cmocka_unit_test(it_has_a_name),
         cmocka_unit_test(what_makes_no_sense_is_refused),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

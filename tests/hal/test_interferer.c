@@ -5,6 +5,7 @@
 #include <errno.h>
 #include <math.h>
 
+#include "hal/room/noise.h"
 #include "hal/room/stream.h"
 
 #define SOUND_M_S 340.0
@@ -234,6 +235,41 @@ static void a_tone_wanders_to_and_fro(void **state)
     room_destroy(r);
 }
 
+/* In decibels the microphones have it normally distributed, the same at each time; mean
+ * and deviation of 16 draws within four of their standard errors. */
+static void microphones_have_a_tone_differently_loud(void **state)
+{
+    enum { MICS = 16, N = 1056 /* 22 periods */ };
+    struct scene_tone tone = {.frequency_hz = 1000, .rms = 0.1, .spread_db = 6};
+    const struct scene_noise scene = {.tones = &tone, .n_tones = 1};
+    const struct noise noise = {
+        .scene = &scene, .seed = 7, .n_microphones = MICS, .sample_rate_hz = RATE_HZ};
+    double first[MICS], sum = 0, squares = 0;
+    float x[MICS][N];
+
+    (void)state;
+    for (int time = 0; time < 2; time++) {
+        memset(x, 0, sizeof x);
+        noise_add(&noise, NULL, 0.37 * time, NULL, 0, &x[0][0], N, N);
+        for (size_t m = 0; m < MICS; m++) {
+            double power = 0;
+            for (size_t i = 0; i < N; i++)
+                power += (double)x[m][i] * x[m][i] / N;
+            double level = 10 * log10(power / (0.1 * 0.1));
+            if (time) {
+                assert_true(fabs(level - first[m]) < 1e-3);
+                continue;
+            }
+            first[m] = level;
+            sum += level;
+            squares += level * level;
+        }
+    }
+    double mean = sum / MICS, deviation = sqrt((squares - sum * mean) / (MICS - 1));
+    assert_true(fabs(mean) < 4 * 6 / sqrt(MICS));
+    assert_true(fabs(deviation - 6) < 4 * 6 / sqrt(2 * (MICS - 1)));
+}
+
 #define JITTER 96
 
 /* Slots are longer by it, starts lie anywhere in it, and our echo is at its sample. */
@@ -325,6 +361,7 @@ int main(void)
         TEST(a_tone_goes_on_in_phase_with_its_harmonics),
         TEST(a_comb_comes_again_after_its_period),
         TEST(a_tone_wanders_to_and_fro),
+        TEST(microphones_have_a_tone_differently_loud),
         TEST(with_jitter_each_emission_comes_later_and_its_echo_with_it),
         TEST(what_makes_no_sense_is_refused),
     };

@@ -190,13 +190,11 @@ static void tell(const struct drive *d, struct watch *w, int64_t now_ns)
     watch_step(w, now_ns);
 }
 
-/* A scene of launch/scenes with its line of a key in other words. */
-static void write_scene(char path[64], const char *of, const char *text)
+/* In a scene of launch/scenes with its line of a key in other words. */
+static void start_in(struct drive *d, const char *of, const char *text)
 {
-    char line[512];
+    char line[512], path[] = "/tmp/anlos-self-test-XXXXXX";
     FILE *from = fopen(of, "r");
-
-    strcpy(path, "/tmp/anlos-self-test-XXXXXX");
     int fd = mkstemp(path);
     FILE *to = fd < 0 ? NULL : fdopen(fd, "w");
     assert_true(from && to);
@@ -206,6 +204,8 @@ static void write_scene(char path[64], const char *of, const char *text)
     fputs(text, to);
     fclose(from);
     assert_int_equal(fclose(to), 0);
+    start(d, path);
+    unlink(path);
 }
 
 /* From 3 s to 6 s something is wrong: 2 s later the state is so and has the one bit,
@@ -215,14 +215,11 @@ static void check_episode(const char *text, enum can_state state, enum can_fault
 {
     const struct watch_config cfg = {.fixed = true};
     Anlos__ScanStatus scan = ANLOS__SCAN_STATUS__INIT;
-    char path[64];
     struct watch w;
     struct drive d;
     double t_s = 0.0;
 
-    write_scene(path, SCENES "drive-person.yaml", text);
-    start(&d, path);
-    unlink(path);
+    start_in(&d, SCENES "drive-person.yaml", text);
     watch_init(&w, &cfg);
     watch_survey(&w, 20.0);
     scan.state = ANLOS__SCAN_STATUS__STATE__RUNNING;
@@ -329,13 +326,10 @@ static void a_knocked_element_is_named_within_ten_seconds(void **state)
     (void)state;
     for (size_t k = 0; k < sizeof knocks / sizeof *knocks; k++) {
         const struct knock *is = &knocks[k];
-        char path[64];
         struct drive d;
         bool said = false;
         double t_s = 0.0;
-        write_scene(path, SCENES "drive-person.yaml", is->faults);
-        start(&d, path);
-        unlink(path);
+        start_in(&d, SCENES "drive-person.yaml", is->faults);
         while (t_s < KNOCKED_S) {
             t_s = go_on(&d);
             said |= is->says && strstr(d.note, is->says);
@@ -390,14 +384,12 @@ static void a_knocked_element_is_corrected_within_thirty_seconds(void **state)
     (void)state;
     for (size_t k = 0; k < sizeof cases / sizeof *cases && KNOCKED_S > 15.0; k++) {
         const struct corrected *is = &cases[k];
-        char path[64], scene[512];
+        char scene[512];
         struct drive d;
         size_t n = 0;
         double t_s = 0.0;
         snprintf(scene, sizeof scene, SCENES "%s.yaml", is->scene);
-        write_scene(path, scene, is->faults);
-        start(&d, path);
-        unlink(path);
+        start_in(&d, scene, is->faults);
         double was_m[3], now_m[3];
         memcpy(was_m,
                (is->speaker ? d.survey.speakers_m : d.survey.microphones_m)[is->element],
@@ -424,17 +416,13 @@ static void a_knocked_element_is_corrected_within_thirty_seconds(void **state)
  * gone. */
 static void another_array_is_taken_out_as_long_as_it_is_heard(void **state)
 {
-    char path[64];
     struct drive d;
     double t_s = 0.0;
 
     (void)state;
-    write_scene(
-        path, SCENES "drive-nothing.yaml",
-        "interferers: [{position_m: [4.5, 0, 1.4], turn_deg: 90, start_s: 0.0071, "
-        "clock_ppm: 20, slot_samples: 1440, during_s: [1.5, 3]}]\n");
-    start(&d, path);
-    unlink(path);
+    start_in(&d, SCENES "drive-nothing.yaml",
+             "interferers: [{position_m: [4.5, 0, 1.4], turn_deg: 90, start_s: 0.0071, "
+             "clock_ppm: 20, slot_samples: 1440, during_s: [1.5, 3]}]\n");
     while (t_s < 7.0) {
         uint64_t hits = d.interference.pings;
         t_s = go_on(&d);
@@ -454,16 +442,13 @@ static void another_array_is_taken_out_as_long_as_it_is_heard(void **state)
  */
 static void an_array_with_slots_like_ours_is_known_within_four_seconds(void **state)
 {
-    char path[64];
     struct drive d;
     double t_s = 0.0, known_s = 0.0;
 
     (void)state;
-    write_scene(path, SCENES "drive-nothing.yaml",
-                "interferers: [{position_m: [4.5, 0, 1.4], turn_deg: 90, start_s: 0.003, "
-                "clock_ppm: 20, stagger: no}]\n");
-    start(&d, path);
-    unlink(path);
+    start_in(&d, SCENES "drive-nothing.yaml",
+             "interferers: [{position_m: [4.5, 0, 1.4], turn_deg: 90, start_s: 0.003, "
+             "clock_ppm: 20, stagger: no}]\n");
     while (t_s < 7.0) {
         t_s = go_on(&d);
         known_s = known_s > 0.0 || !d.interference.present ? known_s : t_s;
@@ -478,16 +463,13 @@ static void an_array_with_slots_like_ours_is_known_within_four_seconds(void **st
  * silent, though it drowns the direct sound, and a person would be found. */
 static void a_comb_of_the_mains_is_named_as_long_as_it_is_heard(void **state)
 {
-    char path[64];
     struct drive d;
     double t_s = 0.0;
 
     (void)state;
-    write_scene(path, SCENES "drive-nothing.yaml",
-                "noise: {tones: [{frequency_hz: 50, rms: 0.1, comb: [40, 400], wander: "
-                "2e-4, spread_db: 6, during_s: [1.5, 7]}]}\n");
-    start(&d, path);
-    unlink(path);
+    start_in(&d, SCENES "drive-nothing.yaml",
+             "noise: {tones: [{frequency_hz: 50, rms: 0.1, comb: [40, 400], wander: "
+             "2e-4, spread_db: 6, during_s: [1.5, 7]}]}\n");
     while (t_s < 10.0) {
         t_s = go_on(&d);
         bool comb = d.tone.kind == TONE_COMB && fabs(d.tone.frequency_hz - 50.0) < 0.05;
