@@ -47,7 +47,7 @@ struct frontend {
     struct tone_finder *tones; /* NULL: pings are too short for it, or it is a scan */
     struct eigencanceler *canceler;
     float complex *cancelled;    /* [n_microphones][whole_format.n_samples] */
-    const float complex *newest; /* the same, or whole or traces: no tones are in it */
+    float complex *newest;       /* the same, or whole or traces: no tones are in it */
     struct channel_check *check; /* of one ping at a time */
     unsigned *noticed;           /* [n_microphones], faults said already */
     bool missing_noticed;        /* a speaker's background */
@@ -410,9 +410,11 @@ static void cancel_tones(struct frontend *f, const struct ping *ping,
     bool is = tone_finder_found(f->tones)->kind != TONE_NONE;
     if (f->cfg.background == BACKGROUND_RECORDED)
         return;
-    memcpy(f->cancelled, f->newest, n * sizeof *f->cancelled);
-    f->newest = f->cancelled;
-    eigencanceler_execute(f->canceler, ping->speaker, is, f->cancelled);
+    if (is) {
+        memcpy(f->cancelled, f->newest, n * sizeof *f->cancelled);
+        f->newest = f->cancelled;
+    }
+    eigencanceler_execute(f->canceler, ping->speaker, is, f->newest);
     if (was != is)
         mean_background_reset(f->mean);
 }
