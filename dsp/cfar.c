@@ -558,11 +558,12 @@ static void sum_imaged(const struct cfar_config *g, const float *image, uint32_t
 
     for (size_t z = 0; z < n[2]; z++)
         for (size_t y = 0; y < n[1]; y++) {
-            uint32_t *to = sums + (z + 1) * plane + (y + 1) * row, along = 0;
+            uint32_t *to = sums + (z + 1) * plane + (y + 1) * row + 1, along = 0;
+            const uint32_t *beside = to - row, *below = to - plane;
+            const uint32_t *beside_below = below - row;
             for (size_t x = 0; x < n[0]; x++) {
                 along += *image++ > 0.0f;
-                to[x + 1] = along + to[x + 1 - row] + to[x + 1 - plane] -
-                            to[x + 1 - row - plane];
+                to[x] = along + beside[x] + below[x] - beside_below[x];
             }
         }
 }

@@ -47,21 +47,19 @@ static void take(void *ctx, const struct view_message *m)
 static json_t *bookmarks_json(const struct player *p)
 {
     double saved_s = 1e-9 * (double)(p->saved_ns - p->start_ns);
-    bool told = !p->saved_ns;
+    size_t before = 0;
     json_t *all = json_array();
 
-    for (size_t i = 0; i <= p->bookmarks.n; i++) {
+    for (size_t i = 0; i < p->bookmarks.n; i++) {
         const struct bookmark *b = &p->bookmarks.list[i];
-        bool last = i == p->bookmarks.n;
-        if (!told && (last || b->at_s > saved_s)) {
-            json_array_append_new(all, json_pack("{sf ss sb}", "at_s", saved_s, "name",
-                                                 p->saved_for, "fixed", 1));
-            told = true;
-        }
-        if (!last)
-            json_array_append_new(all, json_pack("{sf ss sb}", "at_s", b->at_s, "name",
-                                                 b->name, "fixed", 0));
+        before += b->at_s <= saved_s;
+        json_array_append_new(
+            all, json_pack("{sf ss sb}", "at_s", b->at_s, "name", b->name, "fixed", 0));
     }
+    if (p->saved_ns)
+        json_array_insert_new(
+            all, before,
+            json_pack("{sf ss sb}", "at_s", saved_s, "name", p->saved_for, "fixed", 1));
     return all;
 }
 
