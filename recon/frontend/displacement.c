@@ -28,6 +28,11 @@
 #define STEPS         15
 #define TURNS         3 /* of all that is fitted together */
 #define MOST_MOVED    8
+/* Who is placed by hand may be some millimetres off: at the start an element is told only
+ * when it is farther than that, and farther than the others scatter. */
+#define START_M       0.015
+#define START_SCATTER 5.0
+#define START_LEARNT  0.75 /* of the pairs that are heard */
 /* A reference that was learnt so shortly before a displacement is told is of what had
  * moved already. */
 #define LEARNT_ROUNDS (DISPLACEMENT_CONFIRM + DISPLACEMENT_RING / 2 + 1)
@@ -39,6 +44,7 @@ struct element {
     struct displacement_of said, heard;
     unsigned agreed; /* rounds in a row that do not say what is said */
     bool taken;      /* in this round */
+    bool at_start;   /* it stood elsewhere at the start */
     uint64_t since;  /* the round from which on it is said to have moved */
     double places_m[DISPLACEMENT_CONFIRM][3]; /* of its last rounds with one, */
     unsigned n_placed;                        /* that many in a row */
@@ -50,6 +56,7 @@ struct pair {
     unsigned n, age; /* arrivals in the ring; rounds since the newest */
     double grown_m;  /* in this round: the path against the reference; NaN */
     double left_m;   /* of that, without what is common */
+    bool heard;
 };
 
 struct displacement {
@@ -60,6 +67,9 @@ struct displacement {
     double *scratch;          /* [pairs], and as much again */
     bool *sounded;            /* [n_speakers], in this round */
     bool blows[3];            /* along that axis wind changes most paths */
+    bool started;             /* where all stood at the start is judged */
+    double least_m;           /* by which who is told has moved */
+    double start_sigma_m;     /* of where who was moved before it stands */
     uint64_t round;
     struct echo_shift *shift;
     struct echo_path *echoes; /* [n_echoes] of the element that is placed */
@@ -108,6 +118,7 @@ int displacement_create(struct displacement **out, const struct survey *s)
                sizeof d->elements[e].at_m);
     for (size_t p = 0; p < n_pairs; p++)
         d->pairs[p].reference_s = NAN;
+    d->least_m = DISPLACEMENT_LEAST_M;
     see_winds(d);
     *out = d;
     return 0;
@@ -494,7 +505,7 @@ static double judge(const struct displacement *d, size_t e, struct displacement_
     memcpy(by_m, s[0].by_m, sizeof s[0].by_m);
     double after_m = median_left_m(d, e, by_m, &n);
     bool fits = after_m < fmax(AGREE * before_m, 2.0 * d->sigma_m);
-    bool far = out->size_m > fmax(DISPLACEMENT_LEAST_M, SIGMAS * out->sigma_m);
+    bool far = out->size_m > fmax(d->least_m, SIGMAS * out->sigma_m);
     /* Paths across grow with the square: with where it stood before the start, too. */
     out->sigma_m =
         hypot(out->sigma_m, PLACED_M * out->across_m / fmax(out->size_m, PLACED_M));
@@ -593,8 +604,9 @@ static void settle_place(struct element *one, struct displacement_of *now)
         memcpy(now->by_m, mean, sizeof mean);
 }
 
-/* By what was heard in this round, and the echoes of a wall that was heard before;
- * without a wall only where straight paths go all ways. */
+/* By what was heard in this round, and the echoes of a wall that was heard before, or for
+ * who stood elsewhere at the start of one as it is now; without a wall only where
+ * straight paths go all ways. */
 static void place(struct displacement *d, size_t e)
 {
     struct element *one = &d->elements[e];
@@ -604,8 +616,10 @@ static void place(struct displacement *d, size_t e)
     double axes[3][3];
     bool known;
 
-    d->n_echoes =
-        echo_shift_paths(d->shift, e, d->round, before, d->echoes, &d->echo_sigma_m);
+    d->n_echoes = one->at_start ? echo_shift_surveyed(d->shift, e, d->round, d->echoes,
+                                                      &d->echo_sigma_m)
+                                : echo_shift_paths(d->shift, e, d->round, before,
+                                                   d->echoes, &d->echo_sigma_m);
     if (d->n_echoes < LEAST_PAIRS)
         d->n_echoes = 0;
     int n_axes = axes_of(d, e, axes);
@@ -620,6 +634,9 @@ static void place(struct displacement *d, size_t e)
         known = n_axes == 3 && now.across_m == 0.0;
         memcpy(one->best_m, one->by_m, sizeof one->best_m);
     }
+    now.at_start = one->at_start;
+    if (one->at_start)
+        now.sigma_m = hypot(now.sigma_m, d->start_sigma_m);
     if (known && now.sigma_m < DISPLACEMENT_PLACED_M)
         settle_place(one, &now);
     else
@@ -659,24 +676,64 @@ static void settle(struct displacement *d)
     }
 }
 
+/* Who has moved, by what the pairs have grown. */
+static void find_moved(struct displacement *d, double least_m, double scatter)
+{
+    for (size_t e = 0; e < d->n_elements; e++) {
+        d->elements[e].taken = false;
+        memset(d->elements[e].by_m, 0, sizeof d->elements[e].by_m);
+    }
+    memset(d->common, 0, sizeof d->common);
+    take_common_out(d);
+    fit_common(d);
+    d->least_m = fmax(least_m, scatter * d->sigma_m);
+    for (int n = 0; n < MOST_MOVED && take_one(d); n++)
+        fit_together(d);
+}
+
+static bool has_learnt(const struct displacement *d)
+{
+    size_t heard = 0, learnt = 0;
+
+    for (size_t i = 0; i < d->n_speakers * d->n_microphones; i++) {
+        heard += d->pairs[i].heard;
+        learnt += !isnan(d->pairs[i].reference_s);
+    }
+    return learnt >= COMMON + LEAST_PAIRS &&
+           (double)learnt > START_LEARNT * (double)heard;
+}
+
+/* Who stands far beside the survey was moved before, and is as if it were so now: what
+ * its pairs are held against is taken back to where the survey has it. */
+static void judge_start(struct displacement *d)
+{
+    for (size_t i = 0; i < d->n_speakers * d->n_microphones; i++) {
+        struct pair *p = &d->pairs[i];
+        p->grown_m = d->sound_speed_m_s * p->reference_s -
+                     geometry_distance(speaker_of(d, i)->at_m, microphone_of(d, i)->at_m);
+    }
+    find_moved(d, START_M, START_SCATTER);
+    for (size_t i = 0; i < d->n_speakers * d->n_microphones; i++)
+        d->pairs[i].reference_s -= explained_m(d, i) / d->sound_speed_m_s;
+    for (size_t e = 0; e < d->n_elements; e++)
+        d->elements[e].at_start = d->elements[e].taken;
+    d->start_sigma_m = d->sigma_m / sqrt(LEAST_PAIRS);
+}
+
 static void conclude(struct displacement *d)
 {
     size_t heard = 0;
 
-    for (size_t e = 0; e < d->n_elements; e++) {
-        d->elements[e].taken = false;
-        memset(d->elements[e].by_m, 0, sizeof d->elements[e].by_m);
+    if (!d->started && has_learnt(d)) {
+        d->started = true;
+        judge_start(d);
     }
     grow(d);
     for (size_t i = 0; i < d->n_speakers * d->n_microphones; i++)
         heard += !isnan(d->pairs[i].grown_m);
     if (heard < COMMON + LEAST_PAIRS)
         return;
-    memset(d->common, 0, sizeof d->common);
-    take_common_out(d);
-    fit_common(d);
-    for (int n = 0; n < MOST_MOVED && take_one(d); n++)
-        fit_together(d);
+    find_moved(d, DISPLACEMENT_LEAST_M, 0.0);
     settle(d);
 }
 
@@ -704,6 +761,7 @@ void displacement_take(struct displacement *d, size_t speaker, const double *del
         p->ring_s[p->n % (learns ? DISPLACEMENT_FIRST : DISPLACEMENT_RING)] = delay_s[m];
         p->n++;
         p->age = 0;
+        p->heard = true;
         if (learns && p->n == DISPLACEMENT_FIRST) {
             p->reference_s = median_delay(p, DISPLACEMENT_FIRST);
             p->n = DISPLACEMENT_RING;
@@ -741,6 +799,9 @@ void displacement_stand(struct displacement *d, const struct survey *s)
         if (geometry_distance(one->at_m, at_m) > 0.0) {
             one->said = (struct displacement_of){.moved = false};
             one->agreed = one->n_placed = 0;
+            if (one->at_start)
+                echo_shift_forget(d->shift, e);
+            one->at_start = false;
         }
         memcpy(one->at_m, at_m, sizeof one->at_m);
     }

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /* recon/frontend/displacement.h -- has a speaker or a microphone been moved since the
- * array was started?  By when the direct sound of each speaker comes to each microphone,
- * against when it came at first.
+ * array was started, or since it was surveyed?  By when the direct sound of each speaker
+ * comes to each microphone, against when it came at first; and at first, once, against
+ * when it should come by the survey.
  *
  * What all pairs share is none of it: time zero, the speed of sound, and wind, which
  * carries sound along and against it.  What is left of an element's pairs has to be what
@@ -15,13 +16,16 @@
  * An element is told as moved when at least LEAST_M and six standard deviations say so,
  * its pairs agree, and that in each of CONFIRM rounds of all speakers one after the
  * other, each with the median of the last RING arrivals of each pair; as back in its
- * place the same way.  What was moved before the start is not told: that is what `anlos
- * calibrate array` is for.
+ * place the same way.  What was moved before the start is told from 1.5 cm on, and where
+ * it is five times as far as paths of the others are off: places that were measured by
+ * hand are what they are, and finer is what `anlos calibrate array` is for.
  *
  * Where it stands now is found by the wall's echo, too, if one was heard before
  * (recon/frontend/echo_shift.h): paths over the wall go across the line.  It is placed
  * when the rounds of CONFIRM agree to PLACED_M, and what is not told then changes no path
- * that is heard.
+ * that is heard.  For who was moved before the start the paths over the wall are those of
+ * the survey, too, and so it is placed only among others that stand where the survey has
+ * them, to a millimetre or so.
  *
  * Errors and allocations are create's alone.  A round of 16 x 16 pairs costs some 50 us
  * while nothing has moved, and ten times that for each element that has. */
@@ -43,6 +47,7 @@
 struct displacement_of { /* of one element, in the array frame */
     bool moved;
     bool placed;     /* by_m is all that has to be known for images */
+    bool at_start;   /* before the start: from where the survey has it */
     double by_m[3];  /* as far as it is told; 0 along an axis of which it is not */
     double across_m; /* how far along what is not told; 0: all is */
     double size_m;   /* of all of it */

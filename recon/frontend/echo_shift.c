@@ -122,11 +122,15 @@ void echo_shift_take(struct echo_shift *e, uint64_t round, size_t speaker,
     }
 }
 
+#define SURVEYED UINT64_MAX /* not since a round: against the survey */
+
 static double grown_m(const struct pair *p, uint64_t round, uint64_t since)
 {
     bool told = !isnan(p->reference_m) && p->n >= ECHO_SHIFT_RING &&
                 round - p->heard < STALE_ROUNDS && p->learnt < since;
-    return told ? median_m(p, ECHO_SHIFT_RING) - p->reference_m : NAN;
+    return told
+               ? median_m(p, ECHO_SHIFT_RING) - (since == SURVEYED ? 0.0 : p->reference_m)
+               : NAN;
 }
 
 static double at_common(const double common[COMMON], const double at_m[3])
@@ -198,10 +202,25 @@ size_t echo_shift_paths(struct echo_shift *e, size_t element, uint64_t round,
         out[n++].grown_m = e->row_m[own] - at_common(common, like_m[own]);
         squares += sigma * sigma;
     }
-    /* Of a speaker they are of the same pings, and err together. */
+    /* Of a speaker they are of the same pings, and err together; against the survey they
+     * err by where the others stand, which is the same in all. */
     if (n)
-        *sigma_m = sqrt(speaks ? squares : squares / (double)n);
+        *sigma_m = sqrt(speaks || since == SURVEYED ? squares : squares / (double)n);
     return n;
+}
+
+size_t echo_shift_surveyed(struct echo_shift *e, size_t element, uint64_t round,
+                           struct echo_path *out, double *sigma_m)
+{
+    return echo_shift_paths(e, element, round, SURVEYED, out, sigma_m);
+}
+
+void echo_shift_forget(struct echo_shift *e, size_t element)
+{
+    for (size_t j = 0; j < e->n_speakers; j++)
+        for (size_t m = 0; m < e->n_microphones; m++)
+            if (j == element || e->n_speakers + m == element)
+                e->pairs[j * e->n_microphones + m] = (struct pair){.reference_m = NAN};
 }
 
 /* References are beside what the wall makes of the places then, and stay; what came since

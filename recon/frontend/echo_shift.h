@@ -46,6 +46,13 @@ void echo_shift_take(struct echo_shift *e, uint64_t round, size_t speaker,
  * microphones].  sigma_m: of a grown_m, as the other pairs scatter. */
 size_t echo_shift_paths(struct echo_shift *e, size_t element, uint64_t round,
                         uint64_t since, struct echo_path *out, double *sigma_m);
+/* The same for an element that never stood where the survey has it: against the wall as
+ * it is told, whoever was heard before. */
+size_t echo_shift_surveyed(struct echo_shift *e, size_t element, uint64_t round,
+                           struct echo_path *out, double *sigma_m);
+/* It is heard from another place than where it was surveyed: its paths are learnt anew.
+ */
+void echo_shift_forget(struct echo_shift *e, size_t element);
 /* See displacement_stand. */
 void echo_shift_stand(struct echo_shift *e, const struct survey *s);
 void echo_shift_destroy(struct echo_shift *e);

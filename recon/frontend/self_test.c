@@ -342,8 +342,10 @@ static void notice_one(const char *kind, size_t i, const struct displacement_of 
     *said = d->moved;
     describe(d, text, sizeof text);
     if (d->moved)
-        snprintf(note + used, size - used, "%s%s %zu has moved by %s", used ? "; " : "",
-                 kind, i + 1, text);
+        snprintf(note + used, size - used,
+                 d->at_start ? "%s%s %zu stands beside where the survey has it by %s"
+                             : "%s%s %zu has moved by %s",
+                 used ? "; " : "", kind, i + 1, text);
     else
         snprintf(note + used, size - used, "%s%s %zu stands where it stood again",
                  used ? "; " : "", kind, i + 1);

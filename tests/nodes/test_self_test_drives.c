@@ -379,6 +379,19 @@ static void a_knocked_element_is_corrected_within_thirty_seconds(void **state)
          false,
          1,
          {0.02, 0, 0}},
+        /* Knocked while it was parked. */
+        {"drive-person",
+         "faults: {microphones: [{channel: 12, moved_m: [-0.01, 0.005, 0.016], "
+         "during_s: [0, 20]}]}\n",
+         false,
+         12,
+         {-0.01, 0.005, 0.016}},
+        {"drive-person",
+         "faults: {speakers: [{channel: 4, moved_m: [0.01, 0.01, -0.0141], "
+         "during_s: [0, 20]}]}\n",
+         true,
+         4,
+         {0.01, 0.01, -0.0141}},
     };
 
     (void)state;
