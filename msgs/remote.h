@@ -20,7 +20,6 @@
 #include "msgs/topics.h"
 
 #define REMOTE_PATIENCE_MS 7000
-#define REMOTE_URL_SIZE    64
 
 struct remote;
 
@@ -29,8 +28,6 @@ struct remote;
  * other negative errno. */
 int remote_create(struct remote **out, const char *run_dir, struct error *why);
 const struct hosts *remote_hosts(const struct remote *r);
-void *remote_context(const struct remote *r); /* NULL: nothing is reached by TCP */
-struct authenticator *remote_authenticator(const struct remote *r); /* NULL: no keys */
 
 /* For the log; called from other threads. */
 void remote_on_event(struct remote *r, void (*call)(void *ctx, const char *text),
@@ -38,21 +35,6 @@ void remote_on_event(struct remote *r, void (*call)(void *ctx, const char *text)
 
 /* Connections that were refused because they have no permitted key. */
 uint64_t remote_refused(const struct remote *r);
-
-/* tcp://ADDRESS:PORT of a node's topic. */
-void remote_url(char url[REMOTE_URL_SIZE], const struct host *h, const char *node,
-                const struct topic *t);
-
-/* What all sockets have in common.  incoming: bytes of a message that comes in; a larger
- * one ends the connection before there is memory for it.  0 or a negative errno. */
-int remote_set_options(void *socket, const struct topic *t, size_t incoming);
-
-/* How many are subscribed to an XPUB socket that is verbose of both: those before, and
- * who has come and gone since. */
-size_t remote_read_peers(void *socket, size_t before);
-
-/* The next message of a SUB socket, of nn_allocmsg; NULL: none waits. */
-void *remote_take_message(void *socket, size_t *size);
 
 /* The publishing end of one topic towards other machines. */
 struct remote_publisher;
@@ -72,8 +54,41 @@ size_t remote_count_peers(struct remote_publisher *o);
 
 void remote_close(struct remote_publisher *o);
 
+/* How a topic is heard from other machines: one ZeroMQ SUB socket, connected to each of
+ * its publishers there.
+ *
+ * ZeroMQ connects again by itself after an error of the network, but never again after
+ * one of the protocol: a program that had a publisher's port for a moment, or one message
+ * over the bound, would end a subscription for good.  So the connections are watched, and
+ * what it has given up is connected anew. */
+struct remote_subscription;
+
+/* *out NULL: no publisher is on another machine.  *fd (-1) is readable when
+ * remote_subscription_receive is to be called, until it returns NULL; call it once before
+ * the first wait.  0 or a negative errno. */
+int remote_subscription_open(struct remote_subscription **out, int *fd,
+                             const struct remote *r, const struct topic *t);
+
+/* The next message, of nn_allocmsg; NULL: none waits. */
+void *remote_subscription_receive(struct remote_subscription *e, size_t *size);
+
+/* Sees to the connections; call it every REMOTE_SUBSCRIPTION_TEND_MS.  How many there
+ * are. */
+#define REMOTE_SUBSCRIPTION_TEND_MS 1000
+size_t remote_subscription_tend(struct remote_subscription *e);
+void remote_subscription_close(struct remote_subscription *e);
+
 /* After all its sockets.  What is still queued has REMOTE_LINGER_MS to go out. */
 #define REMOTE_LINGER_MS 300
 void remote_destroy(struct remote *r);
+
+/* Of any socket of ZeroMQ (msgs/reliable.h). */
+
+/* How many are subscribed to an XPUB socket that is verbose of both: those before, and
+ * who has come and gone since. */
+size_t remote_read_peers(void *socket, size_t before);
+
+/* The next message of a SUB socket, of nn_allocmsg; NULL: none waits. */
+void *remote_take_message(void *socket, size_t *size);
 
 #endif

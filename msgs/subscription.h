@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /* msgs/subscription.h -- how one topic is heard: a nanomsg SUB socket that is connected
  * to each of its publishers on this machine, another one to those on others
- * (msgs/remote_subscription.h), and the account of what came. */
+ * (msgs/remote.h), and the account of what came. */
 #ifndef ANLOS_MSGS_SUBSCRIPTION_H
 #define ANLOS_MSGS_SUBSCRIPTION_H
 
@@ -11,7 +11,7 @@
 
 #include "msgs/envelope.h"
 #include "msgs/reliable.h"
-#include "msgs/remote_subscription.h"
+#include "msgs/remote.h"
 #include "msgs/topics.h"
 
 #define SUBSCRIPTION_MAX_PUBLISHERS 16
