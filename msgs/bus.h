@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: MIT */
 /* msgs/bus.h -- publish and subscribe over nanomsg, with accounting.  The only place that
- * knows nanomsg (with its parts publisher, subscriber, subscription, receive queue).  A
- * node has an endpoint for each topic that it publishes ("ipc://RUN_DIR/NODE.TOPIC.ipc"),
- * and connects to those of the publishers of what it wants (msgs/topics.h).  In a system
- * on several machines it has one more at an address of its host (msgs/hosts.h), and those
- * on other machines are heard there, by ZeroMQ (msgs/remote.h), encrypted.
+ * knows nanomsg (with its parts publisher, subscriber, receive queue).  A node has an
+ * endpoint for each topic that it publishes ("ipc://RUN_DIR/NODE.TOPIC.ipc"), and
+ * connects to those of the publishers of what it wants (msgs/topics.h).  In a system on
+ * several machines it has one more at an address of its host (msgs/hosts.h), and those on
+ * other machines are heard there, by ZeroMQ (msgs/remote.h), encrypted.
  *
  * nanomsg PUB drops silently when a peer is slow, filters at the subscriber, refuses what
  * exceeds NN_RCVMAXSIZE by dropping the connection, loses what is sent before a

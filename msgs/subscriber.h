@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
-/* msgs/subscriber.h -- the receiving end of a node: a subscription for each topic
- * (msgs/subscription.h), and one thread that checks what comes in, counts gaps and puts
- * it into the receive queue. */
+/* msgs/subscriber.h -- the receiving end of a node: a subscription for each topic, and
+ * one thread that checks what comes in, counts gaps and puts it into the receive queue.
+ */
 #ifndef ANLOS_MSGS_SUBSCRIBER_H
 #define ANLOS_MSGS_SUBSCRIBER_H
 
