@@ -70,7 +70,7 @@ void bus_keep_all(struct bus *b, size_t bytes, int64_t now_ns);
 size_t bus_waiting_bytes(struct bus *b);
 
 /* Sends to whoever listens; never blocks on a slow one, but keeps to 500 MB/s for each
- * subscriber of a topic, beyond what the kernel's buffer holds (msgs/pace.h).
+ * subscriber of a topic, beyond what the kernel's buffer holds (msgs/publisher.h).
  * Thread-safe. 0, -EINVAL (not a topic of this node's), -EMSGSIZE (over the topic's
  * max_size), -ENOMEM, other negative errno. */
 int bus_publish(struct bus *b, const struct topic *t, int64_t capture_ns,

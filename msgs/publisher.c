@@ -2,6 +2,7 @@
 #include "msgs/publisher.h"
 
 #include <errno.h>
+#include <math.h>
 #include <nanomsg/nn.h>
 #include <nanomsg/pubsub.h>
 #include <pthread.h>
@@ -15,12 +16,29 @@
 #include "msgs/discovery.h"
 #include "msgs/endpoint.h"
 #include "msgs/monotonic.h"
-#include "msgs/pace.h"
 
 #define AWAIT_MS           2000 /* for who must have everything, and is late or hangs */
 #define SEND_BUFFER_BYTES  (32 << 20) /* the kernel takes up to net.core.wmem_max */
 #define MESSAGE_COST_BYTES 4096  /* the kernel's and the reader's, of a small message */
 #define PACE_BYTES_S       500e6 /* less than half of what a reader can take */
+
+static double level_at(const struct pace *p, int64_t now_ns)
+{
+    double elapsed_s = now_ns > p->stamp_ns ? (double)(now_ns - p->stamp_ns) * 1e-9 : 0;
+    return fmax(0, p->level_bytes - elapsed_s * p->rate_bytes_s);
+}
+
+int64_t pace_delay_ns(const struct pace *p, int64_t now_ns)
+{
+    double over = level_at(p, now_ns) - p->burst_bytes;
+    return over > 0 ? (int64_t)ceil(over / p->rate_bytes_s * 1e9) : 0;
+}
+
+void pace_spend(struct pace *p, int64_t now_ns, double bytes)
+{
+    p->level_bytes = level_at(p, now_ns) + bytes;
+    p->stamp_ns = now_ns;
+}
 
 struct publisher {
     const struct topic *topic;

@@ -6,7 +6,7 @@
 
 #include <cmocka.h>
 
-#include "msgs/pace.h"
+#include "msgs/publisher.h"
 
 #define SECOND INT64_C(1000000000)
 
