@@ -3,8 +3,6 @@
 
 #include <string.h>
 
-#include "msgs/bag/schema_table.h"
-
 struct bag_schema bag_schema_of(const struct topic *t)
 {
     struct bag_schema out = {.name = bytes_of(t->schema->name),

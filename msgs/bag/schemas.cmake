@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-# Writes OUT, a C file with a TABLE as in msgs/bag/schema_table.h, from schema files
+# Writes OUT, a C file with a TABLE as in msgs/bag/schemas.h, from schema files
 # (PROTOS, paths under the first of SOURCES, where imports are looked for; commas between)
 # by way of their descriptor sets:
 #   cmake -DPROTOC_C=.. -DSOURCES=.. -DPROTOS=msgs/a.proto,.. -DTABLE=.. -DOUT=..
@@ -36,5 +36,5 @@ foreach(proto ${protos})
     math(EXPR number "${number} + 1")
 endforeach()
 file(WRITE "${OUT}" "/* Written by msgs/bag/schemas.cmake. */\n"
-    "#include \"msgs/bag/schema_table.h\"\n\n${arrays}\n"
+    "#include \"msgs/bag/schemas.h\"\n\n${arrays}\n"
     "const struct bag_schema_entry ${TABLE}[] = {\n${rows}    {0},\n};\n")

@@ -5,6 +5,9 @@
 #ifndef ANLOS_MSGS_BAG_SCHEMAS_H
 #define ANLOS_MSGS_BAG_SCHEMAS_H
 
+#include <stddef.h>
+#include <stdint.h>
+
 #include "msgs/bag/record.h"
 #include "msgs/topics.h"
 
@@ -13,5 +16,16 @@
 /* Without an id.  Points to what lives as long as the program; every topic of
  * msgs/topics.h has one. */
 struct bag_schema bag_schema_of(const struct topic *t);
+
+/* What schemas.cmake writes: every message of every schema file, and the descriptor set
+ * of its file. */
+struct bag_schema_entry {
+    const char *name; /* "anlos.Ping" */
+    const uint8_t *data;
+    size_t size;
+};
+
+/* Ends with name == NULL. */
+extern const struct bag_schema_entry bag_schema_table[];
 
 #endif

@@ -4,7 +4,7 @@
 #ifndef ANLOS_MSGS_FOXGLOVE_SCHEMA_TABLE_H
 #define ANLOS_MSGS_FOXGLOVE_SCHEMA_TABLE_H
 
-#include "msgs/bag/schema_table.h"
+#include "msgs/bag/schemas.h"
 
 /* Ends with name == NULL. */
 extern const struct bag_schema_entry foxglove_schema_table[];

@@ -4,7 +4,7 @@
 #ifndef ANLOS_MSGS_OSI_SCHEMA_TABLE_H
 #define ANLOS_MSGS_OSI_SCHEMA_TABLE_H
 
-#include "msgs/bag/schema_table.h"
+#include "msgs/bag/schemas.h"
 
 #define OSI_MAJOR   3 /* whose names and numbers the schemas have */
 #define OSI_MINOR   7
