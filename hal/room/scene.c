@@ -6,8 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "hal/survey/place.h"
-#include "hal/yaml/file.h"
+#include "hal/yaml_file.h"
 
 #define OPTIONAL CYAML_FLAG_OPTIONAL
 

@@ -9,7 +9,7 @@
 
 #include "hal/room/scatter.h"
 #include "hal/room/scene.h"
-#include "hal/survey/place.h"
+#include "hal/yaml_file.h"
 
 struct rule {
     const char *key;

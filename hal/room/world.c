@@ -11,7 +11,7 @@
 #include "hal/room/figure.h"
 #include "hal/room/motion.h"
 #include "hal/room/vector.h"
-#include "hal/survey/place.h"
+#include "hal/yaml_file.h"
 
 #define FACETS_PER_WAVELENGTH 2.8 /* of the highest frequency; 2 is the limit */
 #define WALL_REACH_M          1.5 /* on the wall, from the array's foot point */

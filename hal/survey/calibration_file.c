@@ -9,9 +9,8 @@
 #include <unistd.h>
 
 #include "hal/decimal.h"
-#include "hal/survey/place.h"
 #include "hal/survey/yaml.h"
-#include "hal/yaml/file.h"
+#include "hal/yaml_file.h"
 
 #define OPTIONAL CYAML_FLAG_OPTIONAL
 

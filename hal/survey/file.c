@@ -12,10 +12,9 @@
 
 #include "hal/decimal.h"
 #include "hal/recording/replica_file.h"
-#include "hal/survey/place.h"
 #include "hal/survey/response_file.h"
 #include "hal/survey/yaml.h"
-#include "hal/yaml/file.h"
+#include "hal/yaml_file.h"
 #include "recon/walls/wall.h"
 
 struct survey_root {

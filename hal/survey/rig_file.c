@@ -7,9 +7,8 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "hal/survey/place.h"
 #include "hal/survey/yaml.h"
-#include "hal/yaml/file.h"
+#include "hal/yaml_file.h"
 
 enum { DEFAULT_BUFFER_MS = 200, DEFAULT_LEVEL_DB = -6 };
 #define PERIOD_S 0.01

@@ -9,9 +9,8 @@
 
 #include "hal/recording/pings_file.h"
 #include "hal/recording/replica_file.h"
-#include "hal/survey/place.h"
 #include "hal/survey/response_file.h"
-#include "hal/yaml/file.h"
+#include "hal/yaml_file.h"
 #include "recon/walls/wall.h"
 
 #define MOST_BEHIND 0.5 /* sine: a wall beside the array may be nearest behind it */

@@ -7,8 +7,7 @@
 #include <string.h>
 
 #include "dsp/nearest.h"
-#include "hal/survey/place.h"
-#include "hal/yaml/file.h"
+#include "hal/yaml_file.h"
 #include "msgs/topics.h"
 #include "nodes/rt/launchfile_hosts.h"
 #include "nodes/rt/launchfile_sections.h"

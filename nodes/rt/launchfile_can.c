@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "hal/survey/place.h"
+#include "hal/yaml_file.h"
 #include "msgs/can/layout.h"
 #include "nodes/rt/launchfile_sections.h"
 #include "nodes/rt/uri.h"

@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "hal/survey/place.h"
+#include "hal/yaml_file.h"
 #include "msgs/keys.h"
 
 struct key {

@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "hal/survey/place.h"
+#include "hal/yaml_file.h"
 #include "nodes/rt/uri.h"
 #include "recon/tracking/object_tracker.h"
 #include "recon/walls/wall_finder.h"

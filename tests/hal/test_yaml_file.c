@@ -4,8 +4,7 @@
 #include <errno.h>
 #include <math.h>
 
-#include "hal/survey/place.h"
-#include "hal/yaml/file.h"
+#include "hal/yaml_file.h"
 
 struct part {
     double start_hz;
