@@ -12,7 +12,6 @@
 #include "hal/array_backends.h"
 #include "hal/device.h"
 #include "hal/room/room.h"
-#include "hal/room/stream.h"
 
 /* A ping that comes this much after its end is late; and this much, and of an endless
  * shot it is left out. */

@@ -63,7 +63,7 @@ size_t room_tail(const struct room *r); /* tail_samples() of its survey, recon/t
  * as recon/survey.h says.  The noise depends on the
  * scene's seed, the pass, the position and `take` only.  The paper's 16 x 16 pairs and
  * 1000 facets take some 30 ms.  0, -EINVAL (no such position, speaker), -ENOTSUP (a
- * drive, a continuous scan: hal/room/stream.h), -ENOMEM.
+ * drive, a continuous scan: room_stream), -ENOMEM.
  */
 int room_record(struct room *r, enum pass pass, size_t position, const uint32_t *speakers,
                 size_t n_speakers, uint32_t take, float *samples);
@@ -96,8 +96,8 @@ struct room_emission {
  * of no other: samples [n_microphones][room_frames(1)], with noise and faults.  The time
  * axis of each echo is stretched as the ways change while the chirp is under way (hal/
  * room/emitter.h; of a continuous scan hal/room/propagate.h).  At the survey's position
- * 0, of a continuous scan on the way.  See hal/room/stream.h for emissions that ring into
- * each other.
+ * 0, of a continuous scan on the way.  See room_stream for emissions that ring into each
+ * other.
  * Of a drive it takes some 3 us for each microphone and each piece that moves against the
  * array: 1 ms with 16 microphones and a person, 4 ms with 80 pieces of clutter while the
  * vehicle moves.  A plate has 270 pieces in a square decimetre: keep those small.
@@ -105,6 +105,45 @@ struct room_emission {
  * 0, -EINVAL (no such speaker; down, and the survey's chirps do not alternate), -ENOMEM.
  */
 int room_emit(struct room *r, const struct room_emission *e, float *samples);
+
+/* An endless shot, or a continuous scan: a speaker a slot (two that share one) round
+ * after round, each emission from where everything is at its own time, and what rings on
+ * of those before it.  Slots and directions as recon/survey.h says. */
+struct room_stream;
+
+struct room_stream_config {
+    enum pass pass;
+    const uint32_t *speakers; /* [n_speakers] of a round; copied */
+    size_t n_speakers;
+    double start_s; /* world time of the first sample */
+    /* Of a continuous scan: the position that the first round belongs to, where the stage
+     * is at the first sample and how fast it goes; and its number, for another noise. */
+    size_t position;
+    double stage_m, stage_m_s;
+    uint32_t take;
+    uint64_t n_emissions; /* no more; 0: without end */
+};
+
+/* The room must outlive it and do nothing else meanwhile.  0, -EINVAL (no such speaker,
+ * none), -ENOMEM. */
+int room_stream_create(struct room_stream **out, struct room *r,
+                       const struct room_stream_config *cfg);
+
+/* Samples from the first sample of the stream to the start of emission n, which is number
+ * n % n_speakers of round n / n_speakers. */
+uint64_t room_stream_start(const struct room_stream *s, uint64_t n);
+
+/* The ping of emission n: *samples [n_microphones][room_frames(1)], valid until the next
+ * call.  n must not fall; what is left out is not rendered unless it rings on into n.
+ * Costs one emission.  0, -EINVAL (n fell), -ENOMEM. */
+int room_stream_ping(struct room_stream *s, uint64_t n, const float **samples);
+void room_stream_destroy(struct room_stream *s);
+
+/* Of a continuous scan that goes as its survey says a round of all speakers, with what
+ * rings on of the one before: samples [n_microphones][room_frames(n_speakers)], in which
+ * behind its slots those of the next begin.  0, -EINVAL (there is no such round, or the
+ * stage stops), -ENOMEM. */
+int room_stream_round(struct room *r, enum pass pass, size_t round, float *samples);
 
 /* An object at a time, in the vehicle frame at that time (the array frame without a
  * mount). */

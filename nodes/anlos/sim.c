@@ -14,7 +14,6 @@
 #include "dsp/pool.h"
 #include "hal/recording/recording.h"
 #include "hal/room/room.h"
-#include "hal/room/stream.h"
 #include "hal/survey/file.h"
 #include "hal/survey/firing.h"
 #include "nodes/anlos/commands.h"

@@ -6,7 +6,6 @@
 #include <time.h>
 
 #include "hal/room/room.h"
-#include "hal/room/stream.h"
 
 static double cpu_s(void)
 {

@@ -5,7 +5,7 @@
 
 #include <math.h>
 
-#include "hal/room/stream.h"
+#include "hal/room/room.h"
 
 #define SOUND_M_S 340.0
 #define RATE_HZ   48000.0

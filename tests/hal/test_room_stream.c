@@ -7,7 +7,7 @@
 #include <math.h>
 
 #include "hal/array.h"
-#include "hal/room/stream.h"
+#include "hal/room/room.h"
 
 #define RATE_HZ 48000.0
 

@@ -12,7 +12,7 @@
 
 #include <cmocka.h>
 
-#include "hal/room/stream.h"
+#include "hal/room/room.h"
 #include "msgs/convert.h"
 #include "recon/walls/wall_finder.h"
 #include "recon/walls/wall_listener.h"

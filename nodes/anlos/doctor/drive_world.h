@@ -4,7 +4,7 @@
 #ifndef ANLOS_NODES_ANLOS_DOCTOR_DRIVE_WORLD_H
 #define ANLOS_NODES_ANLOS_DOCTOR_DRIVE_WORLD_H
 
-#include "hal/room/stream.h"
+#include "hal/room/room.h"
 #include "msgs/array.pb-c.h"
 #include "msgs/survey.pb-c.h"
 #include "msgs/tensor.h"

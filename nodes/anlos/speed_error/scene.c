@@ -16,7 +16,6 @@
 #include "hal/recording/recording.h"
 #include "hal/room/room.h"
 #include "hal/room/scene.h"
-#include "hal/room/stream.h"
 #include "hal/survey/file.h"
 #include "nodes/anlos/interrupt.h"
 #include "nodes/rt/export_file.h"
