@@ -937,7 +937,7 @@ enum { PROBED_POSITIONS = 8, RING_SAMPLES = 256, STREAM_DRAWS = 12 };
 
 #define STEP_S      0.02
 #define STEPS       5000
-#define EGO_MAX_M_S 30.0 /* as scene_check.c has it */
+#define EGO_MAX_M_S 30.0 /* as scene.c has it */
 
 static double distance_m(const double a[3], const double b[3])
 {

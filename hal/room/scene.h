@@ -225,17 +225,10 @@ int scene_load(struct scene **out, struct survey *survey, const char *path,
                struct error *why);
 void scene_free(struct scene *s);
 
-/* Ranges, and keys that belong to another kind of object, or to a drive alone
- * (scene_check.c). */
-int scene_check(const struct scene *s, const char *path, struct error *why);
-
 /* The vehicle's z axis in the array frame, or without one the array's y axis. */
 void scene_up(const struct survey *s, double up[3]);
 
-/* Draws by its seed what `drawn` says (scene_draw.c). */
+/* Draws by its seed what `drawn` says. */
 void scene_draw(struct scene *s, struct survey *survey);
-
-/* When a path is over that is gone along at a speed. */
-double scene_path_ends_s(const struct scene_object *o, double speed_m_s);
 
 #endif
