@@ -15,12 +15,10 @@
 #include "hal/room/figure.h"
 #include "hal/room/interferer.h"
 #include "hal/room/microphones.h"
-#include "hal/room/motion.h"
 #include "hal/room/noise.h"
 #include "hal/room/pose.h"
 #include "hal/room/propagate.h"
 #include "hal/room/scene.h"
-#include "hal/room/traffic.h"
 #include "hal/room/vector.h"
 #include "hal/room/world.h"
 #include "hal/survey/calibration_file.h"
@@ -891,7 +889,7 @@ size_t room_truth(const struct room *r, double t_s, struct room_truth *out, size
     size_t n = 0;
     t_s = drive_time_s(&r->drive, t_s);
     for (size_t i = 0; i < r->world.n_objects; i++) {
-        if (!motion_present(&r->scene->objects[i], t_s))
+        if (!world_has(&r->scene->objects[i], t_s))
             continue;
         if (n < max)
             tell(r, i, t_s, &out[n]);

@@ -233,6 +233,19 @@ const char *scene_kind_name(int kind)
 /* -- what a schema cannot say: ranges, whose keys they are, what moves of a drive ------
  */
 
+struct span { /* in which a value has to be */
+    double min, max;
+};
+
+static int check_value(double value, struct span span, const char *key, const char *path,
+                       struct error *why)
+{
+    if (value >= span.min && value <= span.max)
+        return 0;
+    return yaml_error_say(why, -EINVAL, path, key, "%g is outside %g..%g", value,
+                          span.min, span.max);
+}
+
 struct rule {
     const char *key;
     double value, min, max;
@@ -242,14 +255,13 @@ static int check_rules(const struct rule *rules, size_t n, const char *prefix,
                        const char *path, struct error *why)
 {
     char key[96];
-    for (size_t i = 0; i < n; i++) {
-        if (rules[i].value >= rules[i].min && rules[i].value <= rules[i].max)
-            continue;
+    int err = 0;
+    for (size_t i = 0; i < n && !err; i++) {
         snprintf(key, sizeof key, "%s%s", prefix, rules[i].key);
-        return yaml_error_say(why, -EINVAL, path, key, "%g is outside %g..%g",
-                              rules[i].value, rules[i].min, rules[i].max);
+        err = check_value(rules[i].value, (struct span){rules[i].min, rules[i].max}, key,
+                          path, why);
     }
-    return 0;
+    return err;
 }
 
 /* How near a wall may be drawn without getting behind the array. */
@@ -437,19 +449,6 @@ static int check_faults(const struct scene *s, const char *path, struct error *w
  */
 
 enum { MOST_OBJECTS = 64 };
-
-struct span { /* in which a value has to be */
-    double min, max;
-};
-
-static int check_value(double value, struct span span, const char *key, const char *path,
-                       struct error *why)
-{
-    if (value >= span.min && value <= span.max)
-        return 0;
-    return yaml_error_say(why, -EINVAL, path, key, "%g is outside %g..%g", value,
-                          span.min, span.max);
-}
 
 /* Times rise, from 0 at the earliest to the period at the latest. */
 static int check_time(double t_s, double before_s, bool first, double period_s,

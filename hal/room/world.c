@@ -9,14 +9,104 @@
 
 #include "hal/random.h"
 #include "hal/room/figure.h"
-#include "hal/room/motion.h"
 #include "hal/room/vector.h"
 #include "hal/yaml_file.h"
 
-#define FACETS_PER_WAVELENGTH 2.8 /* of the highest frequency; 2 is the limit */
-#define WALL_REACH_M          1.5 /* on the wall, from the array's foot point */
+#define FACETS_PER_WAVELENGTH 2.8  /* of the highest frequency; 2 is the limit */
+#define WALL_REACH_M          1.5  /* on the wall, from the array's foot point */
+#define TURN_S                0.25 /* a body turns while it goes round a knot, not at it */
 
 enum { STREAM_CLUTTER = 1, STREAM_WALL = 2 };
+
+/* -- where an object is at a time: its path, straight from knot to knot ----------------
+ */
+
+struct motion {
+    double position_m[3], velocity_m_s[3];
+    double heading[3]; /* unit, horizontal: where it goes, a quarter of a second before
+                          and after; where it stands, where it last went or will go; 0
+                          when it never moves */
+    double walked_m;   /* from the beginning of the path on */
+};
+
+bool world_has(const struct scene_object *o, double t_s)
+{
+    return !o->present_s || (t_s >= o->present_s[0] && t_s < o->present_s[1]);
+}
+
+/* The leg from knot k to k + 1 that a time is in; n_path - 1 or more: after them all. */
+static unsigned leg_at(const struct scene_object *o, double t_s)
+{
+    unsigned k = 0;
+    while (k < o->n_path && t_s >= o->path[k].t_s)
+        k++;
+    return k ? k - 1 : o->n_path;
+}
+
+static void position_at(const struct scene_object *o, double t_s, double out[3])
+{
+    unsigned k = leg_at(o, t_s);
+    if (!o->n_path || k == o->n_path) {
+        memcpy(out, o->position_m, 3 * sizeof *out);
+        return;
+    }
+    const struct scene_knot *a = &o->path[k], *b = a + (k + 1 < o->n_path);
+    double part = b == a ? 0 : (t_s - a->t_s) / (b->t_s - a->t_s);
+    for (int i = 0; i < 3; i++)
+        out[i] = a->position_m[i] + part * (b->position_m[i] - a->position_m[i]);
+}
+
+/* The horizontal part of b - a with length 1; false: there is none. */
+static bool direction(const double a[3], const double b[3], const double up[3],
+                      double out[3])
+{
+    double way[3];
+    vector_add(b, -1, a, way);
+    vector_add(way, -vector_dot(way, up), up, way);
+    if (vector_normalize(way) < 1e-6)
+        return false;
+    memcpy(out, way, sizeof way);
+    return true;
+}
+
+static void set_direction(const struct scene_object *o, const double up[3], double t_s,
+                          double out[3])
+{
+    double before[3], after[3];
+    memset(out, 0, 3 * sizeof *out);
+    position_at(o, t_s - TURN_S, before);
+    position_at(o, t_s + TURN_S, after);
+    if (direction(before, after, up, out))
+        return;
+    bool found = false;
+    for (unsigned k = 1; k < o->n_path && !(found && o->path[k - 1].t_s > t_s); k++)
+        found |= direction(o->path[k - 1].position_m, o->path[k].position_m, up, out);
+}
+
+/* At a time of the drive; up: unit, the direction that headings leave out. */
+static void motion_at(const struct scene_object *o, const double up[3], double t_s,
+                      struct motion *out)
+{
+    unsigned now = leg_at(o, t_s);
+    *out = (struct motion){.walked_m = 0};
+    position_at(o, t_s, out->position_m);
+    set_direction(o, up, t_s, out->heading);
+    for (unsigned k = 0; k + 1 < o->n_path; k++) {
+        const struct scene_knot *a = &o->path[k], *b = a + 1;
+        double way[3], end[3];
+        if (t_s < a->t_s)
+            break;
+        memcpy(end, k == now ? out->position_m : b->position_m, sizeof end);
+        vector_add(end, -1, a->position_m, way);
+        out->walked_m += sqrt(vector_dot(way, way));
+        for (int i = 0; k == now && i < 3; i++)
+            out->velocity_m_s[i] = (b->position_m[i] - a->position_m[i]) /
+                                   (b->t_s - a->t_s);
+    }
+}
+
+/* -- everything as at time 0 -----------------------------------------------------------
+ */
 
 struct builder {
     struct world *world;
@@ -137,23 +227,31 @@ static void set_heading(const struct builder *b, const struct scene_object *o,
     }
 }
 
+/* A body's pieces; parts: all 0 of one that is seen through. */
+static void set_pieces(const struct scene_object *o, const struct figure_pose *pose,
+                       struct scatter_piece *pieces, struct glint_part *parts)
+{
+    double length = o->scattering_length_m ? *o->scattering_length_m
+                                           : figure_scattering_length_m(o->kind);
+    memset(parts, 0, FIGURE_MAX * sizeof *parts);
+    if (o->opaque)
+        figure_set_opaque(o->kind, pose, length, pieces, parts);
+    else
+        figure_set(o->kind, pose, length, pieces);
+}
+
 static int add_figure(const struct builder *b, const struct scene_object *o,
                       struct room_object *truth)
 {
     struct scatter_piece pieces[FIGURE_MAX];
     struct glint_part parts[FIGURE_MAX];
     struct figure_pose pose = {.walked_m = 0};
-    double length = o->scattering_length_m ? *o->scattering_length_m
-                                           : figure_scattering_length_m(o->kind);
     double *heading = b->world->parts[b->world->n_objects].heading;
     set_heading(b, o, heading);
     memcpy(pose.centre_m, o->position_m, sizeof pose.centre_m);
     memcpy(pose.heading, heading, sizeof pose.heading);
     memcpy(pose.up, b->world->up, sizeof pose.up);
-    if (o->opaque)
-        figure_set_opaque(o->kind, &pose, length, pieces, parts);
-    else
-        figure_set(o->kind, &pose, length, pieces);
+    set_pieces(o, &pose, pieces, parts);
     describe(b, o, NULL, NULL, truth);
     figure_extent(o->kind, &pose, truth->extent_m);
     for (size_t i = 0; i < figure_size(o->kind, o->opaque); i++)
@@ -327,4 +425,140 @@ void world_clear(struct world *w)
     free(w->objects);
     free(w->parts);
     *w = (struct world){.n_objects = 0};
+}
+
+/* -- the hidden objects of a drive at a time -------------------------------------------
+ */
+
+static struct emitter_piece at_rest(const struct scatter_piece *p, bool facet)
+{
+    struct emitter_piece out = {.weight = p->weight, .facet = facet};
+    memcpy(out.in.at_m, p->in, sizeof p->in);
+    memcpy(out.out.at_m, p->out, sizeof p->out);
+    memcpy(out.normal, p->normal, sizeof p->normal);
+    return out;
+}
+
+int traffic_create(struct traffic *out, const struct scene *scene,
+                   const struct world *world)
+{
+    *out = (struct traffic){.scene = scene, .world = world};
+    out->pieces = calloc(world->points.n + world->facets.n + 1, sizeof *out->pieces);
+    out->clutter = calloc(world->clutter.n + 1, sizeof *out->clutter);
+    if (!out->pieces || !out->clutter) {
+        traffic_clear(out);
+        return -ENOMEM;
+    }
+    for (size_t i = 0; i < world->clutter.n; i++)
+        out->clutter[i] = at_rest(&world->clutter.pieces[i], false);
+    out->mirrored = out->clutter + world->clutter.n - world->mirrored.n;
+    return 0;
+}
+
+void traffic_clear(struct traffic *t)
+{
+    free(t->pieces);
+    free(t->clutter);
+    *t = (struct traffic){.n = 0};
+}
+
+static void pose_at(const struct traffic *t, size_t object, double t_s,
+                    struct figure_pose *out)
+{
+    struct motion motion;
+    motion_at(&t->scene->objects[object], t->world->up, t_s, &motion);
+    memcpy(out->centre_m, motion.position_m, sizeof out->centre_m);
+    memcpy(out->heading, motion.heading, sizeof out->heading);
+    memcpy(out->up, t->world->up, sizeof out->up);
+    if (vector_dot(out->heading, out->heading) == 0)
+        memcpy(out->heading, t->world->parts[object].heading, sizeof out->heading);
+    out->walked_m = motion.walked_m;
+}
+
+/* A body's points at the beginning of the span, and their secants over it. */
+static void add_moving_figure(struct traffic *t, size_t object, double from_s, double t_s)
+{
+    const struct world_part *part = &t->world->parts[object];
+    const struct scene_object *o = &t->scene->objects[object];
+    struct scatter_piece now[FIGURE_MAX], a[FIGURE_MAX], b[FIGURE_MAX];
+    struct glint_part parts[FIGURE_MAX], ignored[FIGURE_MAX];
+    struct figure_pose pose;
+    pose_at(t, object, t_s, &pose);
+    set_pieces(o, &pose, now, parts);
+    pose_at(t, object, from_s, &pose);
+    set_pieces(o, &pose, a, ignored);
+    pose_at(t, object, from_s + TRAFFIC_SPAN_S, &pose);
+    set_pieces(o, &pose, b, ignored);
+    for (size_t i = 0; i < part->n_points; i++) {
+        struct emitter_piece *p = &t->pieces[t->n++];
+        *p = at_rest(&now[i], false);
+        p->part = parts[i];
+        p->body = object;
+        for (int k = 0; k < 3; k++)
+            p->in.velocity_m_s[k] = p->out.velocity_m_s[k] = (b[i].in[k] - a[i].in[k]) /
+                                                             TRAFFIC_SPAN_S;
+    }
+}
+
+static void add_shifted(struct traffic *t, const struct scatter_piece *piece, bool facet,
+                        const double shift[3], const double velocity[3])
+{
+    struct emitter_piece *p = &t->pieces[t->n++];
+    *p = at_rest(piece, facet);
+    vector_add(p->in.at_m, 1, shift, p->in.at_m);
+    vector_add(p->out.at_m, 1, shift, p->out.at_m);
+    memcpy(p->in.velocity_m_s, velocity, sizeof p->in.velocity_m_s);
+    memcpy(p->out.velocity_m_s, velocity, sizeof p->out.velocity_m_s);
+}
+
+/* Anything else keeps its attitude on its path. */
+static void add_moving_thing(struct traffic *t, size_t object, double from_s, double t_s)
+{
+    const struct world_part *part = &t->world->parts[object];
+    const struct scene_object *o = &t->scene->objects[object];
+    struct motion now, a, b;
+    double shift[3], velocity[3];
+    motion_at(o, t->world->up, t_s, &now);
+    motion_at(o, t->world->up, from_s, &a);
+    motion_at(o, t->world->up, from_s + TRAFFIC_SPAN_S, &b);
+    vector_add(now.position_m, -1, o->position_m, shift);
+    for (int k = 0; k < 3; k++)
+        velocity[k] = (b.position_m[k] - a.position_m[k]) / TRAFFIC_SPAN_S;
+    for (size_t i = 0; i < part->n_points; i++)
+        add_shifted(t, &t->world->points.pieces[part->point + i], false, shift, velocity);
+    for (size_t i = 0; i < part->n_facets; i++)
+        add_shifted(t, &t->world->facets.pieces[part->facet + i], true, shift, velocity);
+}
+
+void traffic_set(struct traffic *t, double t_s)
+{
+    const struct scene_drive *drive = t->scene->drive;
+    double from_s = drive ? fmin(t_s, drive->period_s - TRAFFIC_SPAN_S) : t_s;
+    t->n = 0;
+    for (size_t i = 0; i < t->world->n_objects; i++) {
+        if (!world_has(&t->scene->objects[i], t_s))
+            continue;
+        if (figure_size(t->scene->objects[i].kind, false))
+            add_moving_figure(t, i, from_s, t_s);
+        else
+            add_moving_thing(t, i, from_s, t_s);
+    }
+}
+
+void traffic_object(const struct traffic *t, size_t object, double t_s, double centre[3],
+                    double velocity[3], double extent[3])
+{
+    const struct scene_object *o = &t->scene->objects[object];
+    const struct room_object *rest = &t->world->objects[object];
+    struct figure_pose pose;
+    struct motion motion;
+    double shift[3];
+    motion_at(o, t->world->up, t_s, &motion);
+    vector_add(motion.position_m, -1, o->position_m, shift);
+    vector_add(rest->position_m, 1, shift, centre);
+    memcpy(velocity, motion.velocity_m_s, sizeof motion.velocity_m_s);
+    memcpy(extent, rest->extent_m, sizeof rest->extent_m);
+    pose_at(t, object, t_s, &pose);
+    if (figure_size(o->kind, false))
+        figure_extent(o->kind, &pose, extent);
 }
