@@ -14,7 +14,7 @@
 #include "hal/device.h"
 #include "hal/stage.h"
 #include "hal/stage/gpio_chip.h"
-#include "hal/stage/gpiod_options.h"
+#include "hal/stage/gpiod.h"
 #include "hal/stage/zaber_port.h"
 #include "hal/survey/firing.h"
 #include "hal/survey/rig_file.h"

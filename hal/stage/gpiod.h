@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* hal/stage/gpiod_options.h -- what a gpiod: stage is named by:
+/* hal/stage/gpiod.h -- a stage on a step-and-direction driver: GPIO lines from libgpiod,
+ * a thread that makes the steps.  It is named by
  *
  *   gpiod:CHIP?step=LINE&direction=LINE&steps_per_m=80000&max=1
  *
@@ -9,8 +10,8 @@
  * home_speed, home_direction=negative or positive, back_off (from the switch to the end
  * of the range), homing=first-move or manual, direction_setup_us, pulse_us.  Metres and
  * seconds. */
-#ifndef ANLOS_HAL_STAGE_GPIOD_OPTIONS_H
-#define ANLOS_HAL_STAGE_GPIOD_OPTIONS_H
+#ifndef ANLOS_HAL_STAGE_GPIOD_H
+#define ANLOS_HAL_STAGE_GPIOD_H
 
 #include "hal/device.h"
 #include "hal/stage/gpio.h"
