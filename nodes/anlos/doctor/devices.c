@@ -15,7 +15,7 @@
 #include "hal/stage.h"
 #include "hal/stage/gpio_chip.h"
 #include "hal/stage/gpiod.h"
-#include "hal/stage/zaber_port.h"
+#include "hal/stage/zaber.h"
 #include "hal/survey/firing.h"
 #include "hal/survey/rig_file.h"
 #include "nodes/anlos/doctor/doctor.h"
