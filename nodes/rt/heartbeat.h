@@ -5,7 +5,7 @@
 #ifndef ANLOS_NODES_RT_HEARTBEAT_H
 #define ANLOS_NODES_RT_HEARTBEAT_H
 
-#include "hal/clock_replay.h"
+#include "hal/clock.h"
 #include "hal/device_count.h"
 #include "msgs/bus.h"
 #include "msgs/health.pb-c.h"

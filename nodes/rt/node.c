@@ -9,7 +9,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "hal/clock_replay.h"
+#include "hal/clock.h"
 #include "nodes/rt/arguments.h"
 #include "nodes/rt/health.h"
 #include "nodes/rt/heap.h"

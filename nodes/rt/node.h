@@ -55,7 +55,7 @@ const struct clock_source *node_clock(const struct node *n);
 int64_t node_now_ns(const struct node *n);
 
 /* For what waits: now_ns stands still between the messages of a replay
- * (hal/clock_replay.h), where it is the publish stamp of the newest message of sound. */
+ * (hal/clock.h), where it is the publish stamp of the newest message of sound. */
 int64_t node_machine_ns(const struct node *n);
 
 /* It lives in a replay: the launch file has the node play, or --replay was given.  Of

@@ -9,6 +9,7 @@
 #include <cmocka.h>
 
 #include "hal/clock.h"
+#include "tests/hal/scratch.h"
 
 static int64_t wall_ns(void)
 {
@@ -53,6 +54,57 @@ static void a_time_that_has_passed_does_not_sleep(void **state)
     assert_int_equal(c->sleep_until_ns(c->state, 0), 0);
 }
 
+/* -- the time of a replay --------------------------------------------------------------
+ */
+
+static void until_something_is_replayed_it_is_the_machine_s_time(void **state)
+{
+    struct fake_clock machine;
+    struct clock_replay c;
+
+    (void)state;
+    fake_clock_set(&machine, 1000);
+    clock_replay_init(&c, &machine.source);
+    assert_true(clock_now_ns(&c.source) == 1000);
+    machine.now_ns = 2000;
+    assert_true(clock_now_ns(&c.source) == 2000);
+}
+
+static void a_replay_s_time_stands_still_and_goes_back_when_it_is_told(void **state)
+{
+    struct fake_clock machine;
+    struct clock_replay c;
+
+    (void)state;
+    fake_clock_set(&machine, 1000);
+    clock_replay_init(&c, &machine.source);
+    clock_replay_set(&c, 70);
+    machine.now_ns = 5000;
+    assert_true(clock_now_ns(&c.source) == 70);
+    clock_replay_set(&c, 50);
+    assert_true(clock_now_ns(&c.source) == 50);
+    clock_replay_end(&c);
+    assert_true(clock_now_ns(&c.source) == 5000);
+}
+
+static void a_sleep_lasts_as_long_as_it_would_and_moves_nothing(void **state)
+{
+    struct fake_clock machine;
+    struct clock_replay c;
+
+    (void)state;
+    fake_clock_set(&machine, 1000);
+    clock_replay_init(&c, &machine.source);
+    clock_replay_set(&c, 70);
+    assert_int_equal(c.source.sleep_until_ns(c.source.state, 100), 0);
+    assert_true(machine.now_ns == 1030);
+    assert_true(clock_now_ns(&c.source) == 70);
+    assert_int_equal(c.source.sleep_until_ns(c.source.state, 60), 0); /* it is over */
+    assert_true(machine.now_ns == 1030);
+    machine.interrupted = 1;
+    assert_int_equal(c.source.sleep_until_ns(c.source.state, 100), -4);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -60,6 +112,9 @@ int main(void)
         cmocka_unit_test(it_never_runs_backwards),
         cmocka_unit_test(a_sleep_ends_at_its_time_and_not_before),
         cmocka_unit_test(a_time_that_has_passed_does_not_sleep),
+        cmocka_unit_test(until_something_is_replayed_it_is_the_machine_s_time),
+        cmocka_unit_test(a_replay_s_time_stands_still_and_goes_back_when_it_is_told),
+        cmocka_unit_test(a_sleep_lasts_as_long_as_it_would_and_moves_nothing),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
