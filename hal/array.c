@@ -5,7 +5,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "hal/array_backends.h"
 #include "hal/device.h"
 
 struct array {

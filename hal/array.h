@@ -84,6 +84,11 @@ struct array_ops {
     void (*close)(void *state);
 };
 
+/* The tables that array_open chooses from. */
+extern const struct array_ops array_alsa_ops;
+extern const struct array_ops array_sim_ops;
+extern const struct array_ops array_wav_ops;
+
 struct array;
 
 /* 0, -EINVAL (URI or contents), -ENOENT (no such file or device), -ENODEV (no such

@@ -6,7 +6,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "hal/can/backends.h"
 #include "hal/device.h"
 
 struct canbus {

@@ -58,6 +58,11 @@ struct canbus_ops {
     void (*close)(void *state);
 };
 
+/* The tables that canbus_open chooses from. */
+extern const struct canbus_ops canbus_log_ops;
+extern const struct canbus_ops canbus_sim_ops;
+extern const struct canbus_ops canbus_socketcan_ops;
+
 struct canbus;
 
 /* 0, -EINVAL, -ENODEV (no such scheme or interface), -ENOMEM, a negative errno of the

@@ -7,7 +7,6 @@
 #include <stdlib.h>
 
 #include "hal/device.h"
-#include "hal/stage/backends.h"
 
 struct stage {
     const struct stage_ops *ops;

@@ -47,6 +47,12 @@ struct stage_ops {
     void (*close)(void *state);
 };
 
+/* The tables that stage_open chooses from. */
+extern const struct stage_ops stage_gpiod_ops;
+extern const struct stage_ops stage_zaber_ops;
+extern const struct stage_ops stage_sim_ops;
+extern const struct stage_ops stage_none_ops;
+
 struct stage;
 
 /* 0, -EINVAL, -ENOENT, -ENODEV (no such scheme), -ENOMEM. */

@@ -10,7 +10,7 @@
 #include <unistd.h>
 
 #include "hal/alsa/engine.h"
-#include "hal/array_backends.h"
+#include "hal/array.h"
 #include "hal/device.h"
 #include "hal/recording/recording.h"
 #include "hal/recording/riff.h"

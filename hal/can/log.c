@@ -10,7 +10,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "hal/can/backends.h"
+#include "hal/canbus.h"
 #include "hal/device.h"
 
 enum { INTERFACE_SIZE = 16 }; /* IFNAMSIZ */

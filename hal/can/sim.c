@@ -16,7 +16,7 @@
 #include <sys/timerfd.h>
 #include <unistd.h>
 
-#include "hal/can/backends.h"
+#include "hal/canbus.h"
 #include "hal/device.h"
 #include "hal/room/room.h"
 #include "msgs/can/protection.h"

@@ -9,9 +9,9 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "hal/can/backends.h"
 #include "hal/can/errors.h"
 #include "hal/can/socket.h"
+#include "hal/canbus.h"
 #include "hal/device.h"
 #include "msgs/can/frame.h"
 

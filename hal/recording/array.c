@@ -8,7 +8,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "hal/array_backends.h"
+#include "hal/array.h"
 #include "hal/device.h"
 #include "hal/recording/recording.h"
 #include "hal/survey/calibration_file.h"

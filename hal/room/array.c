@@ -9,7 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "hal/array_backends.h"
+#include "hal/array.h"
 #include "hal/device.h"
 #include "hal/room/room.h"
 

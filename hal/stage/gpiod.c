@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "hal/stage/backends.h"
+#include "hal/stage.h"
 #include "hal/stage/worker.h"
 
 /* -- what it is named by ---------------------------------------------------------------

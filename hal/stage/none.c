@@ -4,7 +4,7 @@
 #include <stddef.h>
 
 #include "hal/device.h"
-#include "hal/stage/backends.h"
+#include "hal/stage.h"
 
 static int none_open(void **state, const char *arg, const struct clock_source *clock,
                      struct error *why)

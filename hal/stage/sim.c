@@ -8,7 +8,7 @@
 
 #include "hal/device.h"
 #include "hal/random.h"
-#include "hal/stage/backends.h"
+#include "hal/stage.h"
 #include "hal/stage/stepper.h"
 
 struct stage_sim {

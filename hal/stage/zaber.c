@@ -18,7 +18,7 @@
 #include <unistd.h>
 
 #include "hal/clock.h"
-#include "hal/stage/backends.h"
+#include "hal/stage.h"
 #include "hal/stage/worker.h"
 #include "hal/stage/zaber_message.h"
 
