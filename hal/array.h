@@ -7,7 +7,7 @@
  * URIs may carry options: "sim:scene.yaml?pace=real", "wav:rec?background=rec_bg".
  * Of `sim` and `alsa` hal/survey/firing.h has those that say how the speakers fire.
  * "calibrated=FILE" sets survey and samples right by what `anlos calibrate` has measured
- * (hal/survey/calibration_file.h); an empty one takes the array as it is. */
+ * (hal/survey/calibration.h); an empty one takes the array as it is. */
 #ifndef ANLOS_HAL_ARRAY_H
 #define ANLOS_HAL_ARRAY_H
 

@@ -11,7 +11,7 @@
 #include "hal/array.h"
 #include "hal/device.h"
 #include "hal/recording/recording.h"
-#include "hal/survey/calibration_file.h"
+#include "hal/survey/calibration.h"
 #include "hal/survey/file.h"
 #include "hal/turn.h"
 #include "recon/tail.h"

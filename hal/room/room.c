@@ -21,7 +21,7 @@
 #include "hal/room/scene.h"
 #include "hal/room/vector.h"
 #include "hal/room/world.h"
-#include "hal/survey/calibration_file.h"
+#include "hal/survey/calibration.h"
 #include "recon/tail.h"
 
 enum { NOISE_SHOT = 8, NOISE_EMISSION = 10, NOISE_STREAM = 11 };

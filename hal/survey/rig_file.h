@@ -24,7 +24,7 @@
 
 #include "dsp/error.h"
 #include "hal/alsa/sample_format.h"
-#include "hal/survey/calibration_file.h"
+#include "hal/survey/calibration.h"
 #include "recon/survey.h"
 
 #define RIG_MAX_CHANNELS 256

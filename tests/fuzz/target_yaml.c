@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /* A text as each of the files that are YAML: survey, scene, rig, calibration, launch. */
 #include "hal/room/scene.h"
-#include "hal/survey/calibration_file.h"
+#include "hal/survey/calibration.h"
 #include "hal/survey/file.h"
 #include "hal/survey/rig_file.h"
 #include "nodes/rt/launchfile.h"

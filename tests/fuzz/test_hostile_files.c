@@ -10,7 +10,7 @@
 #include "hal/recording/pings_file.h"
 #include "hal/recording/recording.h"
 #include "hal/room/scene.h"
-#include "hal/survey/calibration_file.h"
+#include "hal/survey/calibration.h"
 #include "hal/survey/file.h"
 #include "hal/survey/response_file.h"
 #include "hal/survey/rig_file.h"

@@ -7,7 +7,7 @@
 
 #include "hal/array.h"
 #include "hal/room/room.h"
-#include "hal/survey/calibration_file.h"
+#include "hal/survey/calibration.h"
 #include "tests/worse.h"
 
 enum { SLOT = 1500, N = 3 };

@@ -10,7 +10,7 @@
 #include <string.h>
 #include <sys/wait.h>
 
-#include "hal/survey/calibration_file.h"
+#include "hal/survey/calibration.h"
 #include "tests/hw/far_end.h"
 #include "tests/hw/room_answer.h"
 

@@ -8,7 +8,7 @@
 #include <stddef.h>
 
 #include "hal/array.h"
-#include "hal/survey/calibration_file.h"
+#include "hal/survey/calibration.h"
 
 #define CALIBRATE_MAX_ARRAYS 8
 

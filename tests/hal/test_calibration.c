@@ -4,7 +4,7 @@
 #include <errno.h>
 #include <math.h>
 
-#include "hal/survey/calibration_file.h"
+#include "hal/survey/calibration.h"
 #include "hal/survey/rig_file.h"
 
 static double speakers_m[2][3] = {{0, 0, 0}, {0, 0.1, 0}};
