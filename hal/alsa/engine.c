@@ -14,8 +14,8 @@
 #include <unistd.h>
 
 #include "hal/alsa/capability.h"
-#include "hal/alsa/emission.h"
 #include "hal/realtime.h"
+#include "hal/survey/firing.h"
 #include "recon/tail.h"
 
 /* Playback and capture of one device, started together: playback frame n and capture
@@ -131,7 +131,7 @@ static int allocate(struct alsa_shot *s)
     const struct survey *v = &s->rig->survey;
     size_t n = s->plan.max_slots;
     for (int down = 0; down < 2; down++)
-        s->emissions[down] = emission_create(v, down, &s->n_emission);
+        s->emissions[down] = firing_emission(v, down, &s->n_emission);
     s->ordered.speakers = calloc(v->n_speakers, sizeof *s->ordered.speakers);
     s->under_way.speakers = calloc(v->n_speakers, sizeof *s->under_way.speakers);
     s->recording = calloc(v->n_microphones * s->n_frames, sizeof *s->recording);

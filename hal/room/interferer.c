@@ -6,10 +6,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "hal/alsa/emission.h"
 #include "hal/room/microphones.h"
 #include "hal/room/propagate.h"
 #include "hal/room/vector.h"
+#include "hal/survey/firing.h"
 
 enum { STREAM_INTERFERER = 16, RING_SAMPLES = 256 };
 #define SLOWEST_SOUND 0.85 /* of the nominal speed, with 30 K of drift */
@@ -54,7 +54,7 @@ static int create_emitter(struct interferer *i, const struct interferers_config 
 {
     const struct survey *s = cfg->survey;
     size_t n_bins = n_heard / 2 + 1, n_chirp;
-    float *chirp = emission_create(s, i->scene->down, &n_chirp);
+    float *chirp = firing_emission(s, i->scene->down, &n_chirp);
     float *responses = malloc(s->n_microphones * n_bins * sizeof *responses);
     int err = chirp && responses ? 0 : -ENOMEM;
     if (!err) {

@@ -7,7 +7,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "hal/alsa/emission.h"
 #include "hal/random.h"
 #include "hal/room/drive.h"
 #include "hal/room/emitter.h"
@@ -22,6 +21,7 @@
 #include "hal/room/vector.h"
 #include "hal/room/world.h"
 #include "hal/survey/calibration.h"
+#include "hal/survey/firing.h"
 #include "recon/tail.h"
 
 enum { NOISE_SHOT = 8, NOISE_EMISSION = 10, NOISE_STREAM = 11 };
@@ -1035,7 +1035,7 @@ struct room_sound {
 
 static float *emissions_of(struct room *r, bool down)
 {
-    float *chirp = emission_create(&r->survey, down, &r->n_chirp);
+    float *chirp = firing_emission(&r->survey, down, &r->n_chirp);
     float *out = chirp ? faults_emit(&r->faults, chirp, r->n_chirp) : NULL;
     free(chirp);
     return out;

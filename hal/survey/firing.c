@@ -3,6 +3,7 @@
 
 #include <errno.h>
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "hal/random.h"
@@ -149,4 +150,21 @@ uint64_t firing_slot_before(const struct firing_slots *f, double sample)
     double n = ceil((sample - latest) / ((double)f->slot_samples + longer));
 
     return n > 0.0 ? (uint64_t)n : 0;
+}
+
+float *firing_emission(const struct survey *s, bool down, size_t *n)
+{
+    double rate_hz = s->sample_rate_hz;
+    double start_hz = down ? s->chirp_stop_hz : s->chirp_start_hz;
+    double stop_hz = down ? s->chirp_start_hz : s->chirp_stop_hz;
+    double slope = (stop_hz - start_hz) / s->chirp_duration_s;
+    *n = (size_t)llround(s->chirp_duration_s * rate_hz);
+    float *out = calloc(*n + 1, sizeof *out);
+    for (size_t i = 0; out && i < *n; i++) {
+        double t = (double)i / rate_hz;
+        double turns = fmod((start_hz + 0.5 * slope * t) * t, 1);
+        double phase = 2 * M_PI * turns;
+        out[i] = (float)(s->chirp_sine ? sin(phase) : cos(phase));
+    }
+    return out;
 }

@@ -83,4 +83,9 @@ uint64_t firing_start(const struct firing_slots *f, uint64_t slot);
  * later, and some slots before that at most. */
 uint64_t firing_slot_before(const struct firing_slots *f, double sample);
 
+/* What a speaker is to emit: the survey's chirp, of amplitude 1, or the same from its
+ * stop to its start.  free() the result, [*n]; NULL: no memory.  Each sample is right to
+ * a float's rounding, however long the chirp. */
+float *firing_emission(const struct survey *s, bool down, size_t *n);
+
 #endif
