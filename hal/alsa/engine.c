@@ -14,6 +14,7 @@
 #include <unistd.h>
 
 #include "hal/alsa/capability.h"
+#include "hal/alsa/stream.h"
 #include "hal/realtime.h"
 #include "hal/survey/firing.h"
 #include "recon/tail.h"
@@ -41,7 +42,7 @@ struct alsa_duplex_ends {
     void *ctx;
 };
 
-int alsa_report_create(struct alsa_report *out)
+static int alsa_report_create(struct alsa_report *out)
 {
     memset(out, 0, sizeof *out);
     return -pthread_mutex_init(&out->mutex, NULL);
@@ -69,7 +70,8 @@ size_t alsa_report_counts(struct alsa_report *r,
     return ALSA_COUNTS;
 }
 
-void alsa_report_notice(struct alsa_report *r, const char *format, ...)
+__attribute__((format(printf, 2, 3))) static void
+alsa_report_notice(struct alsa_report *r, const char *format, ...)
 {
     va_list args;
     pthread_mutex_lock(&r->mutex);
@@ -97,7 +99,9 @@ bool alsa_report_take(struct alsa_report *r, struct error *out)
     return there;
 }
 
-void alsa_report_set(struct alsa_report *r, int err, const char *format, ...)
+/* err 0: all is well, and the text stays empty. */
+__attribute__((format(printf, 3, 4))) static void
+alsa_report_set(struct alsa_report *r, int err, const char *format, ...)
 {
     va_list args;
     pthread_mutex_lock(&r->mutex);
@@ -118,7 +122,7 @@ int alsa_report_condition(struct alsa_report *r, struct error *why)
     return err;
 }
 
-void alsa_report_destroy(struct alsa_report *r)
+static void alsa_report_destroy(struct alsa_report *r)
 {
     pthread_mutex_destroy(&r->mutex);
 }
@@ -142,8 +146,22 @@ static int allocate(struct alsa_shot *s)
                : -ENOMEM;
 }
 
-int alsa_shot_create(struct alsa_shot *out, const struct rig *rig,
-                     const struct firing_slots *slots)
+static void alsa_shot_clear(struct alsa_shot *s)
+{
+    slot_plan_clear(&s->plan);
+    pthread_mutex_destroy(&s->mutex);
+    free(s->emissions[0]);
+    free(s->emissions[1]);
+    free(s->ordered.speakers);
+    free(s->under_way.speakers);
+    free(s->recording);
+    free(s->t0_ns);
+    memset(s, 0, sizeof *s);
+}
+
+/* rig is not copied; slots: of endless shots.  0, -ENOMEM. */
+static int alsa_shot_create(struct alsa_shot *out, const struct rig *rig,
+                            const struct firing_slots *slots)
 {
     const struct survey *s = &rig->survey;
     size_t tail = tail_samples(s), whole = s->n_speakers * s->slot_samples + tail;
@@ -198,7 +216,8 @@ void alsa_shot_halt(struct alsa_shot *s)
     pthread_mutex_unlock(&s->mutex);
 }
 
-size_t alsa_shot_settled(const struct alsa_shot *s)
+/* Slots of the shot that was fired last whose fate is known. */
+static size_t alsa_shot_settled(const struct alsa_shot *s)
 {
     return of_number(atomic_load(&s->settled), s->ordered.number);
 }
@@ -256,7 +275,9 @@ static bool take_order(struct alsa_shot *s)
     return anew;
 }
 
-void alsa_shot_place(struct alsa_shot *s, uint64_t frame, int64_t origin_ns)
+/* A shot that was fired, or the rest of one that broke, begins at this frame, or at a
+ * later one that is its time; frame 0 was at origin_ns. */
+static void alsa_shot_place(struct alsa_shot *s, uint64_t frame, int64_t origin_ns)
 {
     const struct alsa_order *o = &s->under_way;
     if (take_order(s)) {
@@ -292,9 +313,11 @@ static void write_emission(const struct alsa_shot *s, const struct alsa_stream *
                         first_of(area, offset + p->at), area->step / 8);
 }
 
-void alsa_shot_fill(const struct alsa_shot *s, const struct alsa_stream *stream,
-                    const snd_pcm_channel_area_t *areas, size_t offset, uint64_t frame,
-                    size_t n)
+/* Silence, and what is emitted of the shot, into n frames of playback from number `frame`
+ * on. */
+static void alsa_shot_fill(const struct alsa_shot *s, const struct alsa_stream *stream,
+                           const snd_pcm_channel_area_t *areas, size_t offset,
+                           uint64_t frame, size_t n)
 {
     const struct survey *v = &s->rig->survey;
     size_t slot, end, n_emissions = s->under_way.n_speakers;
@@ -318,9 +341,9 @@ static size_t room_for(const struct alsa_shot *s, size_t at, size_t n)
     return at >= end ? 0 : n < end - at ? n : end - at;
 }
 
-void alsa_shot_take(struct alsa_shot *s, const struct alsa_stream *stream,
-                    const snd_pcm_channel_area_t *areas, size_t offset, uint64_t frame,
-                    size_t n)
+static void alsa_shot_take(struct alsa_shot *s, const struct alsa_stream *stream,
+                           const snd_pcm_channel_area_t *areas, size_t offset,
+                           uint64_t frame, size_t n)
 {
     struct slot_piece p = slot_plan_recording(&s->plan, frame, n);
     size_t room = room_for(s, p.offset, p.n);
@@ -357,32 +380,23 @@ static bool publish(struct alsa_shot *s, size_t before, int64_t origin_ns)
     return p->n_settled > before;
 }
 
-bool alsa_shot_heard(struct alsa_shot *s, uint64_t frame, int64_t origin_ns,
-                     size_t *n_void)
+/* All before `frame` is recorded; frame 0 was at origin_ns.  true: a slot settled;
+ * *n_void: so many that nobody had made room for. */
+static bool alsa_shot_heard(struct alsa_shot *s, uint64_t frame, int64_t origin_ns,
+                            size_t *n_void)
 {
     size_t before = s->plan.n_settled;
     *n_void = slot_plan_heard(&s->plan, frame);
     return publish(s, before, origin_ns);
 }
 
-size_t alsa_shot_break(struct alsa_shot *s, uint64_t frame, int64_t origin_ns)
+/* The stream broke: nothing from `frame` on counts.  Returns the slots that makes void.
+ */
+static size_t alsa_shot_break(struct alsa_shot *s, uint64_t frame, int64_t origin_ns)
 {
     size_t before = s->plan.n_settled, n_void = slot_plan_break(&s->plan, frame);
     publish(s, before, origin_ns);
     return n_void;
-}
-
-void alsa_shot_clear(struct alsa_shot *s)
-{
-    slot_plan_clear(&s->plan);
-    pthread_mutex_destroy(&s->mutex);
-    free(s->emissions[0]);
-    free(s->emissions[1]);
-    free(s->ordered.speakers);
-    free(s->under_way.speakers);
-    free(s->recording);
-    free(s->t0_ns);
-    memset(s, 0, sizeof *s);
 }
 
 enum { MAX_FDS = 16, STALL_MS = 1000, STALL_PERIODS = 4 };

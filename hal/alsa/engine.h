@@ -13,7 +13,6 @@
 
 #include "dsp/error.h"
 #include "hal/alsa/slot_plan.h"
-#include "hal/alsa/stream.h"
 #include "hal/array.h"
 #include "hal/clock.h"
 #include "hal/device_count.h"
@@ -44,25 +43,16 @@ struct alsa_report {
     size_t first, n;
 };
 
-int alsa_report_create(struct alsa_report *out);
-
 /* Adds n, and returns the sum. */
 uint64_t alsa_report_count(struct alsa_report *r, enum alsa_count what, uint64_t n);
 size_t alsa_report_counts(struct alsa_report *r,
                           struct device_count out[DEVICE_MAX_COUNTS]);
-void alsa_report_notice(struct alsa_report *r, const char *format, ...)
-    __attribute__((format(printf, 2, 3)));
 
 /* The oldest notice that was not taken yet.  false: none. */
 bool alsa_report_take(struct alsa_report *r, struct error *out);
 
-/* err 0: all is well, and the text stays empty. */
-void alsa_report_set(struct alsa_report *r, int err, const char *format, ...)
-    __attribute__((format(printf, 3, 4)));
-
 /* What was set last. */
 int alsa_report_condition(struct alsa_report *r, struct error *why);
-void alsa_report_destroy(struct alsa_report *r);
 
 /* The shot that a running sound card plays and records: its emissions into the playback,
  * its recording out of the capture, by the slot plan.  The recording is a ring that
@@ -95,19 +85,12 @@ struct alsa_shot {
     atomic_uint_fast64_t settled, released; /* slots, with the order's number */
 };
 
-/* rig is not copied; slots: of endless shots.  0, -ENOMEM. */
-int alsa_shot_create(struct alsa_shot *out, const struct rig *rig,
-                     const struct firing_slots *slots);
-
 /* The shot before must be settled whole, or halted. */
 void alsa_shot_fire(struct alsa_shot *s, const struct array_shot *shot);
 
 /* Nothing more of it is emitted but what is written ahead already, and the next shot
  * begins when that has faded away. */
 void alsa_shot_halt(struct alsa_shot *s);
-
-/* Slots of the shot that was fired last whose fate is known. */
-size_t alsa_shot_settled(const struct alsa_shot *s);
 
 /* The slot to be read in place of k: of an endless shot the newest one, when half of what
  * the ring holds has not been read; else k. */
@@ -121,29 +104,6 @@ void alsa_shot_copy(const struct alsa_shot *s, size_t k, float *out);
 
 /* The slots before k may be recorded over. */
 void alsa_shot_release(struct alsa_shot *s, size_t k);
-
-/* A shot that was fired, or the rest of one that broke, begins at this frame, or at a
- * later one that is its time; frame 0 was at origin_ns. */
-void alsa_shot_place(struct alsa_shot *s, uint64_t frame, int64_t origin_ns);
-
-/* Silence, and what is emitted of the shot, into n frames of playback from number `frame`
- * on. */
-void alsa_shot_fill(const struct alsa_shot *s, const struct alsa_stream *stream,
-                    const snd_pcm_channel_area_t *areas, size_t offset, uint64_t frame,
-                    size_t n);
-void alsa_shot_take(struct alsa_shot *s, const struct alsa_stream *stream,
-                    const snd_pcm_channel_area_t *areas, size_t offset, uint64_t frame,
-                    size_t n);
-
-/* All before `frame` is recorded; frame 0 was at origin_ns.  true: a slot settled;
- * *n_void: so many that nobody had made room for. */
-bool alsa_shot_heard(struct alsa_shot *s, uint64_t frame, int64_t origin_ns,
-                     size_t *n_void);
-
-/* The stream broke: nothing from `frame` on counts.  Returns the slots that makes void.
- */
-size_t alsa_shot_break(struct alsa_shot *s, uint64_t frame, int64_t origin_ns);
-void alsa_shot_clear(struct alsa_shot *s);
 
 struct alsa_engine;
 
