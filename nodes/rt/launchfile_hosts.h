@@ -5,12 +5,6 @@
 #define ANLOS_NODES_RT_LAUNCHFILE_HOSTS_H
 
 #include "nodes/rt/launchfile.h"
-#include "nodes/rt/launchfile_text.h"
-
-/* Fills in l->hosts, but for which of them is here; l->nodes are there already.  0,
- * -EINVAL: each node has to be on one host, names and ports on none of two. */
-int launchfile_copy_hosts(struct launchfile *l, const struct launch_text *t,
-                          struct error *why);
 
 /* Says which host this machine is; name NULL where there are none.  0, -EINVAL. */
 int launchfile_choose_host(struct launchfile *l, const char *name, struct error *why);

@@ -3,6 +3,8 @@
 
 #include "hal/survey/rig_file.h"
 #include "msgs/topics.h"
+#include "nodes/rt/launchfile.h"
+#include "tests/nodes/near.h"
 
 static void what_is_left_out_has_its_default(void **state)
 {
@@ -677,6 +679,332 @@ static void the_hardware_to_start_from_can_be_loaded(void **state)
     }
 }
 
+static void a_scan_is_stepped_and_what_it_subtracts_was_recorded(void **state)
+{
+    struct launchfile *l = launch_load(*state, "nodes: [dsp]\n");
+
+    assert_false(l->scan.fixed);
+    assert_int_equal(l->scan.n_speakers, 0);
+    assert_int_equal(l->dsp.background, BACKGROUND_NONE);
+    launchfile_destroy(l);
+    l = launch_load(*state, "nodes: [dsp]\nscan: {mode: stepped, background: true}\n");
+    assert_false(l->scan.fixed);
+    assert_int_equal(l->dsp.background, BACKGROUND_RECORDED);
+    launchfile_destroy(l);
+}
+
+static void a_fixed_array_has_its_speakers_and_backgrounds(void **state)
+{
+    static const uint32_t speakers[] = {0, 15, 5};
+    struct launchfile *l =
+        launch_load(*state, "nodes: [scan, dsp]\n"
+                            "scan: {mode: fixed, speakers: [0, 15, 5]}\n"
+                            "dsp: {background: adaptive, background_s: 2.5}\n");
+
+    assert_true(l->scan.fixed);
+    assert_int_equal(l->scan.n_speakers, 3);
+    assert_memory_equal(l->scan.speakers, speakers, sizeof speakers);
+    assert_int_equal(l->scan.background_frames, 8);
+    assert_int_equal(l->dsp.background, BACKGROUND_ADAPTIVE);
+    assert_true(l->dsp.background_s == 2.5);
+    launchfile_destroy(l);
+    l = launch_load(*state,
+                    "nodes: [scan, dsp]\n"
+                    "scan: {mode: fixed, background: true, background_frames: 20}\n");
+    assert_int_equal(l->scan.background_frames, 20);
+    assert_int_equal(l->dsp.background, BACKGROUND_RECORDED);
+    launchfile_destroy(l);
+}
+
+static void what_does_not_fit_a_scan_is_named(void **state)
+{
+    static const struct {
+        const char *text, *says;
+    } cases[] = {
+        {"scan: {mode: quick}",
+         ":2: scan.mode: expected stepped, continuous or fixed, not quick"},
+        {"scan: {speakers: [1]}", ":2: scan.speakers: is of an array that stands; "
+                                  "expected it with scan.mode: fixed"},
+        {"dsp: {background: adaptive}", ":2: dsp.background: is of an array that "
+                                        "stands; expected it with scan.mode: fixed"},
+        {"scan: {mode: fixed, speakers: [1, 2, 1]}",
+         ":2: scan.speakers: expected each speaker once, but 1 is there twice"},
+        {"scan: {mode: fixed, background_frames: 0}",
+         ":2: scan.background_frames: expected 1 to 1000, not 0"},
+        {"scan: {mode: fixed}\ndsp: {background: soft}",
+         ":3: dsp.background: expected none, recorded or adaptive, not soft"},
+        {"scan: {mode: fixed}\ndsp: {background: recorded}",
+         ":3: dsp.background: recorded does not go with scan.background: false, which "
+         "says whether one is recorded"},
+        {"scan: {mode: fixed, background: true}\ndsp: {background: adaptive}",
+         ":3: dsp.background: adaptive does not go with scan.background: true, which "
+         "says whether one is recorded"},
+        {"scan: {mode: fixed}\ndsp: {background_s: 0}",
+         ":3: dsp.background_s: expected over 0 and up to 3600, not 0"},
+    };
+
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        char text[300];
+        snprintf(text, sizeof text, "nodes: [scan, dsp]\n%s\n", cases[i].text);
+        assert_refused(*state, text, cases[i].says);
+    }
+}
+
+static void launch_files_of_the_papers_arrangements_can_be_loaded(void **state)
+{
+    static const char *const names[] = {"full-array", "one-pair"};
+    struct error why = {""};
+
+    (void)state;
+    for (size_t i = 0; i < 2; i++) {
+        char path[300];
+        struct launchfile *l = NULL;
+        snprintf(path, sizeof path, "%s/launch/%s.yaml", SOURCE_DIR, names[i]);
+        if (launchfile_load(&l, path, NULL, &why))
+            fail_msg("%s", why.text);
+        assert_int_equal(l->scan.fixed, i == 0);
+        launchfile_destroy(l);
+    }
+}
+
+static void a_fixed_array_is_tracked_unless_told(void **state)
+{
+    struct launchfile *l = launch_load(*state, "nodes: [track]\n");
+
+    assert_int_equal(l->track.mode, OBJECT_TRACKER_AUTO);
+    assert_int_equal(l->track.confirm_hits, 2);
+    assert_int_equal(l->track.confirm_of, 3);
+    launchfile_destroy(l);
+}
+
+static void everything_of_tracks_can_be_said(void **state)
+{
+    struct launchfile *l = launch_load(
+        *state,
+        "nodes: [track]\n"
+        "track: {mode: lists, threshold_db: 15, confirm_hits: 3, confirm_of: 5,\n"
+        "        confirm_existence: 0.5, detection_probability: 0.7, clutter: 2,\n"
+        "        sidelobe_db: 10, look_s: 0.1, acceleration_psd: 1, join_m: 1,\n"
+        "        coast_s: 2, min_existence: 0.2}\n");
+
+    assert_int_equal(l->track.mode, OBJECT_TRACKER_LISTS);
+    assert_int_equal(l->track.confirm_hits, 3);
+    assert_int_equal(l->track.confirm_of, 5);
+    assert_true(l->track.threshold_db == 15.0 && l->track.min_existence == 0.2);
+    assert_true(l->track.confirm_existence == 0.5 && l->track.clutter == 2.0);
+    assert_true(l->track.detection_probability == 0.7 && l->track.sidelobe_db == 10.0);
+    assert_true(l->track.look_s == 0.1 && l->track.acceleration_psd == 1.0);
+    assert_true(l->track.join_m == 1.0 && l->track.coast_s == 2.0);
+    launchfile_destroy(l);
+}
+
+static void what_makes_no_sense_of_tracks_is_refused(void **state)
+{
+    static const char *const bad[][2] = {
+        {"confirm_hits: 6", ":2: track.confirm_hits: expected 1 to 3, not 6"},
+        {"mode: maybe", ":2: track.mode: expected auto, lists or tracks, not maybe"},
+        {"coast_s: 0", ":2: track.coast_s: expected 0.01 to 60, not 0"},
+    };
+
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        struct error why = {""};
+        struct launchfile *l = NULL;
+        char text[128];
+        snprintf(text, sizeof text, "nodes: [track]\ntrack: {%s}\n", bad[i][0]);
+        const char *path = scratch_write(*state, "a.yaml", text);
+        assert_int_equal(launchfile_load(&l, path, NULL, &why), -EINVAL);
+        assert_error(why.text, path, bad[i][1]);
+    }
+}
+
+static void the_page_is_for_this_machine_alone_unless_told(void **state)
+{
+    struct launchfile *l = launch_load(*state, "nodes: [view]\n");
+
+    assert_string_equal(l->view.address, "127.0.0.1");
+    assert_int_equal(l->view.port, 8765);
+    assert_false(l->view.save);
+    assert_null(l->view.bag);
+    launchfile_destroy(l);
+}
+
+static void a_bag_is_beside_the_launch_file(void **state)
+{
+    struct scratch *s = *state;
+    char expected[128];
+    struct launchfile *l = launch_load(s, "nodes: [view]\nview: {address: 0.0.0.0, port: "
+                                          "80, bag: bags/a.mcap, save: true}\n");
+
+    snprintf(expected, sizeof expected, "%s/bags/a.mcap", s->folder);
+    assert_string_equal(l->view.bag, expected);
+    assert_string_equal(l->view.address, "0.0.0.0");
+    assert_int_equal(l->view.port, 80);
+    assert_true(l->view.save);
+    launchfile_destroy(l);
+    l = launch_load(s, "nodes: [view]\nview: {bag: /a.mcap}\n");
+    assert_string_equal(l->view.bag, "/a.mcap");
+    launchfile_destroy(l);
+}
+
+static void there_are_65536_ports(void **state)
+{
+    struct error why = {""};
+    struct launchfile *l = NULL;
+    const char *path = scratch_write(*state, "a.yaml",
+                                     "nodes: [view]\n"
+                                     "view:\n"
+                                     "  port: 65536\n");
+
+    assert_int_equal(launchfile_load(&l, path, NULL, &why), -EINVAL);
+    assert_error(why.text, path, ":3: view.port: expected 0 (any) to 65535, not 65536");
+}
+
+static int parse_wall(const char *wall, struct launchfile **out, struct error *why)
+{
+    char text[512];
+    int n = snprintf(text, sizeof text, "nodes: [wall]\n%s", wall);
+    why->text[0] = 0;
+    return launchfile_parse(out, "drive.yaml", text, (size_t)n, why);
+}
+
+static void walls_come_from_the_survey_unless_it_says_otherwise(void **state)
+{
+    (void)state;
+    struct launchfile *l;
+    struct error why;
+    if (parse_wall("", &l, &why))
+        fail_msg("%s", why.text);
+    assert_true(launchfile_has_node(l, "wall"));
+    assert_int_equal(l->wall.from, WALL_FROM_SURVEY);
+    assert_true(l->wall.vertical);
+    assert_near(l->wall.vertical_deg, 2.0, 0.0);
+    assert_near(l->wall.reach_m, 5.0, 0.0);
+    assert_near(l->wall.every_s, 0.5, 0.0);
+    assert_near(l->wall.lost_s, 3.0, 0.0);
+    assert_int_equal(l->wall.n_corners, 0);
+    launchfile_destroy(l);
+}
+
+static void each_key_of_walls_is_taken(void **state)
+{
+    (void)state;
+    struct launchfile *l;
+    struct error why;
+    if (parse_wall(
+            "wall: {from: echoes, prior: none, vertical_deg: 3, reach_m: 7, every_s: 1, "
+            "lost_s: 9, free_view_m: [[-1, 0], [1, 0], [0, 2.5]]}\n",
+            &l, &why))
+        fail_msg("%s", why.text);
+    assert_int_equal(l->wall.from, WALL_FROM_ECHOES);
+    assert_false(l->wall.vertical);
+    assert_near(l->wall.vertical_deg, 3.0, 0.0);
+    assert_near(l->wall.reach_m, 7.0, 0.0);
+    assert_near(l->wall.every_s, 1.0, 0.0);
+    assert_near(l->wall.lost_s, 9.0, 0.0);
+    assert_int_equal(l->wall.n_corners, 3);
+    assert_near(l->wall.free_view_m[0][0], -1.0, 0.0);
+    assert_near(l->wall.free_view_m[2][1], 2.5, 0.0);
+    launchfile_destroy(l);
+    assert_int_equal(parse_wall("wall: {from: topic}\n", &l, &why), 0);
+    assert_int_equal(l->wall.from, WALL_FROM_TOPIC);
+    launchfile_destroy(l);
+}
+
+static void what_does_not_fit_walls_is_named(void **state)
+{
+    (void)state;
+    const struct {
+        const char *text, *says;
+    } cases[] = {
+        {"wall: {from: radar}\n", "wall.from: expected survey, topic or echoes"},
+        {"wall: {prior: flat}\n", "wall.prior: expected vertical or none"},
+        {"wall: {reach_m: 0.1}\n", "wall.reach_m: expected 0.3 to 20, not 0.1"},
+        {"wall: {vertical_deg: 0}\n", "wall.vertical_deg: expected"},
+        {"wall: {every_s: -1}\n", "wall.every_s: expected"},
+        {"wall: {lost_s: 1000}\n", "wall.lost_s: expected"},
+        {"wall: {free_view_m: [[0, 1], [1, 1]]}\n", "expected at least 3 corners"},
+        {"wall: {free_view_m: [[0, 1], [1, 1], [2, 1e9]]}\n", "wall.free_view_m[2]"},
+        {"wall: {free_view_m: [[0, 1, 2], [1, 1, 2], [2, 1, 2]]}\n", "drive.yaml:2"},
+        {"wall: {distance_m: 1}\n", "distance_m"},
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        struct launchfile *l;
+        struct error why;
+        assert_int_equal(parse_wall(cases[i].text, &l, &why), -EINVAL);
+        if (!strstr(why.text, cases[i].says))
+            fail_msg("\"%s\" does not say \"%s\"", why.text, cases[i].says);
+    }
+}
+
+/* recon.frames in a launch file: images of a fixed array. */
+static int parse_frames(struct launchfile **l, const char *frames, struct error *why)
+{
+    char text[256];
+    int n =
+        snprintf(text, sizeof text, "nodes: [recon]\nscan: {mode: fixed}\n%s\n", frames);
+    return launchfile_parse(l, "drive.yaml", text, (size_t)n, why);
+}
+
+static void by_default_the_pings_of_a_frame_make_its_image_by_power(void **state)
+{
+    (void)state;
+    struct error why = {""};
+    struct launchfile *l;
+    assert_int_equal(parse_frames(&l, "", &why), 0);
+    assert_int_equal(l->recon.frames.pings, 0);
+    assert_int_equal(l->recon.frames.sum, FRAMES_POWER);
+    assert_false(l->recon.frames.every_ping);
+    launchfile_destroy(l);
+}
+
+static void pings_their_sum_and_the_pace_of_frames_can_be_set(void **state)
+{
+    (void)state;
+    struct error why = {""};
+    struct launchfile *l;
+    assert_int_equal(
+        parse_frames(&l, "recon: {frames: {pings: 4, sum: coherent, every: ping}}", &why),
+        0);
+    assert_int_equal(l->recon.frames.pings, 4);
+    assert_int_equal(l->recon.frames.sum, FRAMES_COHERENT);
+    assert_true(l->recon.frames.every_ping);
+    launchfile_destroy(l);
+}
+
+static void what_frames_cannot_be_is_refused_by_name(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *frames, *said;
+    } wrong[] = {
+        {"recon: {frames: {pings: 257}}", "recon.frames.pings: expected 0 to 256"},
+        {"recon: {frames: {sum: loud}}", "recon.frames.sum: expected coherent or power"},
+        {"recon: {frames: {every: day}}", "recon.frames.every: expected ping or frame"},
+        {"recon: {method: fast}", "recon.method: is for scans"},
+        {"recon: {options: {snr_db: 10}}", "recon.options: is for scans"},
+        {"recon: {preview: true}", "recon.preview: is for scans"},
+    };
+    for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
+        struct error why = {""};
+        struct launchfile *l;
+        assert_int_equal(parse_frames(&l, wrong[i].frames, &why), -EINVAL);
+        if (!strstr(why.text, wrong[i].said))
+            fail_msg("%s", why.text);
+    }
+}
+
+static void of_a_scan_frames_are_refused(void **state)
+{
+    (void)state;
+    static const char text[] = "nodes: [recon]\nrecon: {frames: {pings: 4}}\n";
+    struct error why = {""};
+    struct launchfile *l;
+    assert_int_equal(launchfile_parse(&l, "a.yaml", text, sizeof text - 1, &why),
+                     -EINVAL);
+    assert_non_null(strstr(why.text, "recon.frames"));
+    assert_non_null(strstr(why.text, "scan.mode: fixed"));
+}
+
 #define TEST(f) cmocka_unit_test_setup_teardown(f, scratch_open, scratch_close)
 
 int main(void)
@@ -714,6 +1042,23 @@ int main(void)
         TEST(the_drive_can_be_loaded),
         TEST(the_replay_can_be_loaded),
         TEST(the_hardware_to_start_from_can_be_loaded),
+        TEST(a_scan_is_stepped_and_what_it_subtracts_was_recorded),
+        TEST(a_fixed_array_has_its_speakers_and_backgrounds),
+        TEST(what_does_not_fit_a_scan_is_named),
+        TEST(launch_files_of_the_papers_arrangements_can_be_loaded),
+        TEST(a_fixed_array_is_tracked_unless_told),
+        TEST(everything_of_tracks_can_be_said),
+        TEST(what_makes_no_sense_of_tracks_is_refused),
+        TEST(the_page_is_for_this_machine_alone_unless_told),
+        TEST(a_bag_is_beside_the_launch_file),
+        TEST(there_are_65536_ports),
+        cmocka_unit_test(walls_come_from_the_survey_unless_it_says_otherwise),
+        cmocka_unit_test(each_key_of_walls_is_taken),
+        cmocka_unit_test(what_does_not_fit_walls_is_named),
+        cmocka_unit_test(by_default_the_pings_of_a_frame_make_its_image_by_power),
+        cmocka_unit_test(pings_their_sum_and_the_pace_of_frames_can_be_set),
+        cmocka_unit_test(what_frames_cannot_be_is_refused_by_name),
+        cmocka_unit_test(of_a_scan_frames_are_refused),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
