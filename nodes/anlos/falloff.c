@@ -17,7 +17,6 @@
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/export.h"
 #include "nodes/rt/export_chart.h"
-#include "nodes/rt/export_file.h"
 #include "recon/frontend/compressor.h"
 #include "recon/planning/falloff.h"
 

@@ -17,7 +17,7 @@
 #include "msgs/log.pb-c.h"
 #include "nodes/foxglove/image.h"
 #include "nodes/foxglove/parts.h"
-#include "nodes/rt/export.h"
+#include "nodes/rt/export_projection.h"
 #include "nodes/rt/list_figures.h"
 #include "nodes/rt/names.h"
 #include "recon/detection/objects.h"

@@ -12,6 +12,7 @@
 #include "msgs/topics.h"
 #include "nodes/rt/export.h"
 #include "nodes/rt/export_plan.h"
+#include "nodes/rt/export_projection.h"
 #include "nodes/rt/names.h"
 #include "recon/processing.h"
 

@@ -1,16 +1,34 @@
 /* SPDX-License-Identifier: MIT */
-/* nodes/rt/export.h -- the files that a person or a program looks at.  Each is written
- * under a temporary name and renamed when whole: nothing is left half-written. */
+/* nodes/rt/export.h -- the files that a person or a program looks at: a file, or a set of
+ * them, appears whole or not at all; images as NRRD, lists and figures as JSON.  Pictures
+ * are in export_projection.h, export_plan.h and export_chart.h. */
 #ifndef ANLOS_NODES_RT_EXPORT_H
 #define ANLOS_NODES_RT_EXPORT_H
 
 #include <jansson.h>
 #include <limits.h>
-#include <stdint.h>
+#include <stdio.h>
 
 #include "dsp/error.h"
 #include "msgs/detections.pb-c.h"
 #include "recon/grid.h"
+
+/* A file that is written under a temporary name beside its own. */
+struct export_file {
+    FILE *f;
+    char path[PATH_MAX];
+    char temporary[PATH_MAX];
+};
+
+/* After success, commit or abandon.  0, or a negative errno and an error. */
+int export_file_open(struct export_file *e, const char *folder, const char *name,
+                     struct error *why);
+
+/* Flushes and renames; on failure (full disk) the temporary file is removed. */
+int export_file_commit(struct export_file *e, struct error *why);
+
+/* Removes the temporary file; err is returned, with an error that names the file. */
+int export_file_abandon(struct export_file *e, int err, struct error *why);
 
 /* Makes the folder (and its parents) or finds it; checks that it can be written.
  * 0, -ENOTDIR, -EACCES, -EROFS, other negative errno. */
@@ -38,24 +56,6 @@ void export_stage_abandon(struct export_stage *stage);
 /* NRRD 5, float32 little endian raw, x fastest, space directions and origin in m. */
 int export_nrrd(const char *folder, const char *name, const struct grid *grid,
                 const float *intensity, struct error *why);
-
-/* projection_xy.png, projection_xz.png, projection_yz.png: maxima of the intensity in dB
- * with axes in metres, a colour bar, and a cross at each detection (virtual position).
- * detections may be NULL. */
-int export_projections(const char *folder, const struct grid *grid,
-                       const float *intensity, const Anlos__DetectionList *detections,
-                       struct error *why);
-
-/* One of them, 0..EXPORT_PROJECTIONS-1: threads may draw different ones at once. */
-#define EXPORT_PROJECTIONS 3
-int export_projection(const char *folder, size_t which, const struct grid *grid,
-                      const float *intensity, const Anlos__DetectionList *detections,
-                      struct error *why);
-
-/* The same, two thirds as large, as a PNG in *png, which free() frees.  0, -ENOMEM. */
-int export_projection_png(size_t which, const struct grid *grid, const float *intensity,
-                          const Anlos__DetectionList *detections, uint8_t **png,
-                          size_t *size);
 
 /* null, or how the echo came and which objects made it. */
 json_t *export_multipath(const Anlos__Detection *d);

@@ -8,7 +8,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "nodes/rt/export_file.h"
+#include "nodes/rt/export.h"
 #include "nodes/rt/export_ink.h"
 
 /* In units of the SVG; the PNG is drawn finer. */

@@ -5,7 +5,7 @@
 #include <math.h>
 #include <stdio.h>
 
-#include "nodes/rt/export_file.h"
+#include "nodes/rt/export.h"
 
 void ink_text(cairo_t *cr, double x, double y, double size, enum ink_anchor anchor,
               const char *text)

@@ -9,7 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "nodes/rt/export_file.h"
+#include "nodes/rt/export.h"
 #include "nodes/rt/log_line.h"
 
 #define ENDING      ".bookmarks"

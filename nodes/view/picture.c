@@ -9,7 +9,7 @@
 #include <string.h>
 
 #include "dsp/vector.h"
-#include "nodes/rt/export_colour.h"
+#include "nodes/rt/export_projection.h"
 
 #define LEVELS_PER_OCTAVE ((float)(3.010299956639812 / PICTURE_STEP_DB))
 

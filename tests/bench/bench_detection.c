@@ -14,7 +14,6 @@
 #include "nodes/anlos/speed_error/noise.h"
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/export.h"
-#include "nodes/rt/export_file.h"
 #include "recon/frontend/compressor.h"
 
 #define FALSE_ALARMS 0.01

@@ -19,7 +19,6 @@
 #include <cmocka.h>
 
 #include "nodes/rt/export.h"
-#include "nodes/rt/export_colour.h"
 #include "nodes/rt/export_projection.h"
 #include "tests/hal/folder.h"
 #include "tests/nodes/near.h"

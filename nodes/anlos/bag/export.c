@@ -20,6 +20,7 @@
 #include "nodes/anlos/usage.h"
 #include "nodes/foxglove/channels.h"
 #include "nodes/rt/export.h"
+#include "nodes/rt/export_projection.h"
 
 static const char head[] =
     "capture_ns,publish_ns,scan,counter,preview,frame,mirrored,id,x_m,y_m,z_m,"

@@ -16,7 +16,6 @@
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/export.h"
 #include "nodes/rt/export_chart.h"
-#include "nodes/rt/export_file.h"
 
 /* -- what is in the folders -------------------------------------------------------------
  */

@@ -13,6 +13,7 @@
 #include "nodes/anlos/recon/options.h"
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/export.h"
+#include "nodes/rt/export_projection.h"
 #include "recon/grid.h"
 
 /* The point spread function of an array: a Gaussian with rotation fitted to the image of

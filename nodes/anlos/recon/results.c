@@ -8,6 +8,7 @@
 #include <sys/resource.h>
 
 #include "nodes/rt/export.h"
+#include "nodes/rt/export_projection.h"
 
 const char *recon_stage_name(enum recon_stage stage)
 {

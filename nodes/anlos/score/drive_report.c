@@ -9,8 +9,8 @@
 #include <unistd.h>
 
 #include "nodes/anlos/score/drive_score.h"
+#include "nodes/rt/export.h"
 #include "nodes/rt/export_chart.h"
-#include "nodes/rt/export_file.h"
 #include "nodes/rt/json_whole.h"
 
 void drive_name(const char *path, char *out, size_t size)

@@ -10,7 +10,7 @@
 
 #include "hal/random.h"
 #include "nodes/anlos/interrupt.h"
-#include "nodes/rt/export_file.h"
+#include "nodes/rt/export.h"
 #include "recon/detection/peak.h"
 #include "recon/frontend/compressor.h"
 

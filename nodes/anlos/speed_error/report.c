@@ -13,8 +13,8 @@
 #include "nodes/anlos/recon/auto.h"
 #include "nodes/anlos/speed_error/results.h"
 #include "nodes/anlos/usage.h"
+#include "nodes/rt/export.h"
 #include "nodes/rt/export_chart.h"
-#include "nodes/rt/export_file.h"
 
 /* What figures were measured on. */
 

@@ -18,7 +18,7 @@
 #include "hal/room/scene.h"
 #include "hal/survey/file.h"
 #include "nodes/anlos/interrupt.h"
-#include "nodes/rt/export_file.h"
+#include "nodes/rt/export.h"
 
 /* FOLDER/NAME and the rest of the name.  0, -ENAMETOOLONG. */
 static int bench_join(char out[PATH_MAX], const char *folder, const char *name,
