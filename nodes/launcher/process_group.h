@@ -15,7 +15,7 @@
 #include "dsp/error.h"
 #include "nodes/launcher/launcher.h"
 #include "nodes/launcher/program.h"
-#include "nodes/rt/log_line.h"
+#include "nodes/rt/log.h"
 
 /* One node process as the launcher has it: started, its output read line by line,
  * started again after a crash with a growing pause. */

@@ -14,7 +14,7 @@
 
 #include "msgs/health.pb-c.h"
 #include "msgs/scan.pb-c.h"
-#include "nodes/rt/log_line.h"
+#include "nodes/rt/log.h"
 
 struct screen {
     enum log_format format;

@@ -140,13 +140,8 @@ static void draw_tick(cairo_t *cr, const struct chart *c, int axis, double value
 
 static void draw_linear_ticks(cairo_t *cr, const struct chart *c, int axis)
 {
-    double span = c->max[axis] - c->min[axis], n = axis ? 6.0 : 8.0;
-    double decade = pow(10.0, floor(log10(span / n))), steps = span / n / decade;
-    double step = decade * (steps <= 1.0   ? 1.0
-                            : steps <= 2.0 ? 2.0
-                            : steps <= 5.0 ? 5.0
-                                           : 10.0);
-    int digits = (int)fmax(0.0, ceil(-log10(step) - 1e-9));
+    double step = ink_tick_step(c->max[axis] - c->min[axis], axis ? 6.0 : 8.0);
+    int digits = ink_digits(step);
     for (double i = ceil(c->min[axis] / step - 1e-9);
          i * step <= c->max[axis] + 1e-9 * step; i += 1.0) {
         char text[32];

@@ -10,7 +10,7 @@
 #include <string.h>
 
 #include "nodes/rt/export.h"
-#include "nodes/rt/log_line.h"
+#include "nodes/rt/log.h"
 
 #define ENDING      ".bookmarks"
 #define LATEST_S    1e9

@@ -7,7 +7,7 @@
 #include <stdlib.h>
 
 #include "hal/clock.h"
-#include "nodes/rt/log_line.h"
+#include "nodes/rt/log.h"
 #include "nodes/rt/stop.h"
 #include "nodes/view/bookmarks.h"
 

@@ -10,7 +10,7 @@
 #include "msgs/bag/manifest.h"
 #include "msgs/bag/topic_message.h"
 #include "msgs/unpack.h"
-#include "nodes/rt/log_line.h"
+#include "nodes/rt/log.h"
 
 #define MOST_IMAGES      1000
 #define MOST_SEVERAL     256 /* of a chunk */

@@ -14,7 +14,7 @@
 
 #include "hal/clock.h"
 #include "nodes/rt/json_whole.h"
-#include "nodes/rt/log_line.h"
+#include "nodes/rt/log.h"
 
 static const char *const level_names[] = {"ok", "note", "wrong"};
 
