@@ -6,7 +6,6 @@
 #include <string.h>
 
 #include "nodes/rt/node.h"
-#include "nodes/rt/optional_node.h"
 
 /* The rows of the table in watch.h: when each fault is there, and what it does to the
  * state. */
@@ -362,7 +361,7 @@ static void take_fault(struct watch_node *n, const Anlos__Fault *f)
 
 void watch_health(struct watch *w, const Anlos__Health *health, int64_t now_ns)
 {
-    struct watch_node *n = optional_node_is(health->node) ? NULL
+    struct watch_node *n = node_is_optional(health->node) ? NULL
                                                           : find_node(w, health->node);
 
     if (!n)

@@ -12,7 +12,7 @@
 
 #include "nodes/rt/exit_code.h"
 #include "nodes/rt/launchfile_hosts.h"
-#include "nodes/rt/optional_node.h"
+#include "nodes/rt/node.h"
 
 #define FIRST_PAUSE_NS 100000000LL
 
@@ -253,7 +253,7 @@ unsigned process_group_lost(const struct process_group *c)
     for (unsigned i = 0; i < c->n; i++)
         n += c->children[i].phase != CHILD_RUNNING &&
              c->children[i].phase != CHILD_ENDED &&
-             !optional_node_is(c->children[i].name);
+             !node_is_optional(c->children[i].name);
     return n;
 }
 

@@ -94,7 +94,7 @@ bool process_group_goes_on(const struct process_group *c);
 bool process_group_has_aside(const struct process_group *c, const char *name);
 unsigned process_group_count(const struct process_group *c, enum child_phase phase);
 
-/* Those that should run and do not, but for optional nodes (nodes/rt/optional_node.h):
+/* Those that should run and do not, but for optional nodes (nodes/rt/node.h):
  * what comes out of the system is less without them. */
 unsigned process_group_lost(const struct process_group *c);
 

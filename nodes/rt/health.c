@@ -2,8 +2,11 @@
 #include "nodes/rt/health.h"
 
 #include <stdio.h>
+#include <string.h>
 #include <sys/resource.h>
 #include <unistd.h>
+
+/* -- the message --------------------------------------------------------------------- */
 
 static double cpu_seconds(void)
 {
@@ -95,4 +98,128 @@ void health_faults(Anlos__Health *message, struct health_faults *out,
     }
     message->n_faults = n;
     message->faults = out->list;
+}
+
+/* -- a node's, whenever it is time to ------------------------------------------------ */
+
+#define PERIOD_NS      1000000000LL
+#define LOOK_PERIOD_NS 100000000LL /* for new connections, in a young process */
+#define YOUNG_NS       10000000000LL
+
+static void look_at_priority(struct heartbeat *h)
+{
+    static const char none[] = "lost, for it computed without a pause";
+
+    if (!priority_is_lost() || !strcmp(h->priority, none))
+        return;
+    priority_drop();
+    log_write(h->log, LOG_LEVEL_WARNING,
+              "computed for a second without a pause: its real-time priority (%s) is "
+              "taken away, so that others go on",
+              h->priority);
+    snprintf(h->priority, sizeof h->priority, "%s", none);
+}
+
+/* Says how the node is, now; also tells of repeated lines in its log. */
+static void heartbeat_publish(struct heartbeat *h)
+{
+    struct health v;
+    struct device_count counts[DEVICE_MAX_COUNTS];
+    struct health_faults faults;
+    int64_t machine_ns = clock_now_ns(h->clock->machine);
+    int64_t now_ns = clock_now_ns(&h->clock->source);
+
+    log_tick(h->log);
+    look_at_priority(h);
+    health_take(&v, h->bus, h->node, h->malformed);
+    health_latencies(&v, &h->latencies, now_ns);
+    if (h->device)
+        health_device(&v, counts, h->counts(h->device, counts));
+    health_faults(&v.message, &faults, h->faults, h->n_faults);
+    v.message.sensing = (Anlos__Sensing *)(uintptr_t)h->sensing;
+    v.message.ended = h->ended;
+    v.message.state = h->state;
+    v.message.text = h->text;
+    v.message.priority = h->priority;
+    v.message.turns = h->turns;
+    v.message.turn_limit_s = h->busy_s > 0.0 ? h->busy_s : h->turn_limit_s;
+    v.message.uptime_s = (double)(machine_ns - h->epoch_ns) * 1e-9;
+    h->due_ns = machine_ns + PERIOD_NS;
+    int err = bus_publish_message(h->bus, topic_health(), 0, now_ns, &v.message.base);
+    if (err)
+        log_write(h->log, LOG_LEVEL_ERROR, "cannot publish health: %s", strerror(-err));
+}
+
+/* Whoever waits for this node wants to know when it hears those whom it listens to; and
+ * who begins to listen to its health has missed what it said so far. */
+static void look_at_peers(struct heartbeat *h, int64_t now_ns)
+{
+    struct bus_count counts[HEALTH_MAX_TOPICS];
+    size_t peers = 0;
+
+    if (now_ns < h->look_due_ns)
+        return;
+    h->look_due_ns = now_ns - h->epoch_ns < YOUNG_NS ? now_ns + LOOK_PERIOD_NS
+                                                     : h->due_ns;
+    size_t n_counts = bus_counts(h->bus, counts, HEALTH_MAX_TOPICS);
+    for (size_t i = 0; i < n_counts && i < HEALTH_MAX_TOPICS; i++)
+        if (!counts[i].published || counts[i].topic == topic_health())
+            peers += counts[i].peers;
+    if (peers != h->peers)
+        h->due_ns = now_ns;
+    h->peers = peers;
+}
+
+int64_t heartbeat_tick(struct heartbeat *h, int64_t now_ns)
+{
+    look_at_peers(h, now_ns);
+    if (now_ns >= h->due_ns)
+        heartbeat_publish(h);
+    return h->look_due_ns < h->due_ns ? h->look_due_ns : h->due_ns;
+}
+
+void heartbeat_turn(struct heartbeat *h)
+{
+    h->turns++;
+    h->busy_s = 0.0;
+}
+
+void heartbeat_busy(struct heartbeat *h, double limit_s)
+{
+    h->turns++;
+    h->busy_s = limit_s;
+    heartbeat_publish(h);
+}
+
+void heartbeat_state(struct heartbeat *h, Anlos__Health__State state, const char *text)
+{
+    if (state == h->state && !strcmp(text, h->text))
+        return;
+    if (state != h->state)
+        log_write(h->log,
+                  state == ANLOS__HEALTH__STATE__FAULT      ? LOG_LEVEL_ERROR
+                  : state == ANLOS__HEALTH__STATE__DEGRADED ? LOG_LEVEL_WARNING
+                                                            : LOG_LEVEL_DEBUG,
+                  "%s", text);
+    h->state = state;
+    snprintf(h->text, sizeof h->text, "%s", text);
+    heartbeat_publish(h);
+}
+
+void heartbeat_fault(struct heartbeat *h, const char *name, uint32_t count, uint32_t of)
+{
+    size_t i = 0;
+
+    while (i < h->n_faults && strcmp(h->faults[i].name, name))
+        i++;
+    if (i == h->n_faults && (!count || i == HEALTH_MAX_FAULTS))
+        return;
+    const struct health_fault now = {name, count, of};
+    bool changed = i == h->n_faults || h->faults[i].count != count;
+    h->n_faults += i == h->n_faults;
+    h->faults[i] = now;
+    if (!count)
+        h->faults[i] = h->faults[--h->n_faults];
+    if (changed)
+        heartbeat_publish(h);
 }

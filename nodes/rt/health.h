@@ -1,14 +1,20 @@
 /* SPDX-License-Identifier: MIT */
-/* nodes/rt/health.h -- what a process says about itself in its health message. */
+/* nodes/rt/health.h -- what a process says about itself in its health messages; of a node
+ * once a second, at each change of its state, and when somebody begins to listen.  A
+ * node's come from the main loop and count its turns, so that the launcher sees whether
+ * it stands still. */
 #ifndef ANLOS_NODES_RT_HEALTH_H
 #define ANLOS_NODES_RT_HEALTH_H
 
 #include <stddef.h>
 
+#include "hal/clock.h"
 #include "hal/device_count.h"
 #include "msgs/bus.h"
 #include "msgs/health.pb-c.h"
 #include "nodes/rt/latencies.h"
+#include "nodes/rt/log.h"
+#include "nodes/rt/priority.h"
 
 #define HEALTH_MAX_TOPICS 64
 
@@ -46,5 +52,46 @@ void health_device(struct health *out, const struct device_count *counts, size_t
  * HEALTH_MAX_FAULTS. */
 void health_faults(Anlos__Health *message, struct health_faults *out,
                    const struct health_fault *faults, size_t n);
+
+struct heartbeat {
+    char *node; /* whose, not owned; bus, log and clock neither */
+    struct bus *bus;
+    struct log *log;
+    const struct clock_replay *clock;
+    int64_t epoch_ns;
+    int64_t due_ns, look_due_ns;
+    size_t peers; /* connected, as health said last */
+    Anlos__Health__State state;
+    char text[256];
+    uint64_t malformed; /* messages that did not unpack */
+    struct latencies latencies;
+    size_t (*counts)(void *device, struct device_count *out);
+    void *device;                                  /* NULL: none */
+    struct health_fault faults[HEALTH_MAX_FAULTS]; /* [n_faults], those that last */
+    size_t n_faults;
+    char priority[PRIORITY_TEXT_SIZE]; /* of this process */
+    uint64_t turns;                    /* of the main loop, so far */
+    double turn_limit_s;           /* each may take so long; 0: as the launcher has it */
+    double busy_s;                 /* the one under way; 0: as any */
+    bool ended;                    /* what it plays */
+    const Anlos__Sensing *sensing; /* not owned; NULL: none */
+};
+
+/* Says how the node is if it is time to, and tells of repeated lines in its log.  now_ns,
+ * here and of what it returns: the machine's. Returns when to ask again. */
+int64_t heartbeat_tick(struct heartbeat *h, int64_t now_ns);
+
+/* The main loop comes around: what it was busy with is done. */
+void heartbeat_turn(struct heartbeat *h);
+
+/* What follows until it comes around may take so long; said at once. */
+void heartbeat_busy(struct heartbeat *h, double limit_s);
+
+/* Sets the state and says so at once when it changed; one that is worse is logged. */
+void heartbeat_state(struct heartbeat *h, Anlos__Health__State state, const char *text);
+
+/* Sets how many of so many have the fault, 0: none, and says so at once when it changed.
+ * name: a literal. */
+void heartbeat_fault(struct heartbeat *h, const char *name, uint32_t count, uint32_t of);
 
 #endif

@@ -13,7 +13,6 @@
 #include "nodes/rt/arguments.h"
 #include "nodes/rt/health.h"
 #include "nodes/rt/heap.h"
-#include "nodes/rt/heartbeat.h"
 #include "nodes/rt/launchfile_hosts.h"
 #include "nodes/rt/log_topic.h"
 #include "nodes/rt/replay_order.h"
@@ -549,4 +548,14 @@ int node_finish(struct node *n, int err)
     default:
         return EXIT_FAILED;
     }
+}
+
+bool node_is_optional(const char *name)
+{
+    static const char *const names[] = {"can", "play", "record", "report", "view"};
+
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++)
+        if (!strcmp(name, names[i]))
+            return true;
+    return false;
 }

@@ -135,6 +135,9 @@ struct node_dropped {
 size_t node_dropped_count(const struct node_dropped *d, struct device_count *out);
 void node_dropped_say(const struct node *n, struct node_dropped *d);
 
+/* Those who only look on may come and go: a system hears and images without them. */
+bool node_is_optional(const char *name);
+
 #define NODE_TOLD 1 /* for node_finish: it failed, and said why already */
 
 /* Closes all and returns the process's exit code: 0 if err is 0 or -ESHUTDOWN, 2 if it is
