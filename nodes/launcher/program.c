@@ -46,36 +46,26 @@ int program_fill(struct program *p, const struct launcher_config *cfg, const cha
 
     if (n < 0 || (size_t)n >= sizeof p->path)
         return -ENAMETOOLONG;
+    const struct {
+        const char *name, *value; /* NULL: it is not said */
+    } options[] = {
+        {"--launch", a->launch},
+        {"--run-dir", cfg->run_dir},
+        {"--log-level", log_level_name(a->log_level)},
+        {"--log-format", a->log_format == LOG_FORMAT_JSON ? "json" : NULL},
+        {"--out", a->out},
+        {"--record", a->record},
+        {"--snapshot", a->snapshot},
+        {"--bag", a->bag},
+        {"--rate", a->rate},
+    };
+
     *v++ = p->path;
-    *v++ = (char *)"--launch";
-    *v++ = (char *)a->launch;
-    *v++ = (char *)"--run-dir";
-    *v++ = (char *)cfg->run_dir;
-    *v++ = (char *)"--log-level";
-    *v++ = (char *)log_level_name(a->log_level);
-    if (a->log_format == LOG_FORMAT_JSON) {
-        *v++ = (char *)"--log-format";
-        *v++ = (char *)"json";
-    }
-    if (a->out) {
-        *v++ = (char *)"--out";
-        *v++ = (char *)a->out;
-    }
-    if (a->record) {
-        *v++ = (char *)"--record";
-        *v++ = (char *)a->record;
-    }
-    if (a->snapshot) {
-        *v++ = (char *)"--snapshot";
-        *v++ = (char *)a->snapshot;
-    }
-    if (a->bag) {
-        *v++ = (char *)"--bag";
-        *v++ = (char *)a->bag;
-    }
-    if (a->rate) {
-        *v++ = (char *)"--rate";
-        *v++ = (char *)a->rate;
+    for (size_t i = 0; i < sizeof options / sizeof *options; i++) {
+        if (!options[i].value)
+            continue;
+        *v++ = (char *)options[i].name;
+        *v++ = (char *)options[i].value;
     }
     if (a->realtime)
         *v++ = (char *)"--realtime";
