@@ -15,17 +15,28 @@
  *   view/walls    foxglove.SceneUpdate      the walls that node wall tells of
  *   view/frames   foxglove.FrameTransforms  of the frames in setting.h
  *   view/figures  anlos.Figures             signal to noise, latency, number of objects
- *   view/log      foxglove.Log */
+ *   view/log      foxglove.Log
+ *
+ * What is imaged appears mirrored behind the wall; where the wall is known, everything is
+ * shown where it really is, in front of it. */
 #ifndef ANLOS_NODES_FOXGLOVE_CHANNELS_H
 #define ANLOS_NODES_FOXGLOVE_CHANNELS_H
 
 #include <stdbool.h>
 
 #include "msgs/bag/record.h"
-#include "nodes/foxglove/convert.h"
+#include "nodes/foxglove/message.h"
+#include "nodes/foxglove/parts.h"
+#include "nodes/foxglove/setting.h"
 
 #define CHANNEL_VIEW        "view/" /* what the names of converted ones begin with */
 #define CHANNEL_MAX_SOURCES 2
+
+/* A message in another schema; a pure function: the same one in the same setting gives
+ * the same bytes.  *out is in the arena.  0, -ENOMEM, -EAGAIN (its survey is not known
+ * yet), -EINVAL (it does not hold). */
+typedef int (*foxglove_convert)(struct arena *a, const struct setting *s,
+                                const struct foxglove_message *m, ProtobufCMessage **out);
 
 struct channel {
     const char *name;

@@ -6,6 +6,7 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <string.h>
 
 #include <cmocka.h>
 
@@ -56,12 +57,26 @@ static void resurvey(struct rig *r)
     assert_true(setting_take(&r->setting, &m));
 }
 
-static void *converted(struct rig *r, foxglove_convert convert,
-                       const struct foxglove_message *m)
+/* How the channel view/NAME makes its messages. */
+static foxglove_convert conversion(const char *name)
+{
+    struct channel c = {.name = NULL};
+
+    for (size_t i = 0; i < channels_count(); i++) {
+        channel_get(i, &c);
+        if (!strncmp(c.name, CHANNEL_VIEW, strlen(CHANNEL_VIEW)) &&
+            !strcmp(c.name + strlen(CHANNEL_VIEW), name))
+            return c.convert;
+    }
+    fail_msg("no channel %s%s", CHANNEL_VIEW, name);
+    return NULL;
+}
+
+static void *converted(struct rig *r, const char *name, const struct foxglove_message *m)
 {
     ProtobufCMessage *out = NULL;
 
-    assert_int_equal(convert(&r->arena, &r->setting, m, &out), 0);
+    assert_int_equal(conversion(name)(&r->arena, &r->setting, m, &out), 0);
     assert_true(protobuf_c_message_check(out));
     return out;
 }
@@ -143,7 +158,7 @@ static void the_cloud_has_the_bright_voxels_where_they_really_are(void **state)
                                          {0.1f, 0.0f, 0.1f, 0.0f}};
     struct rig *r = *state;
     const struct foxglove_message m = samples_volume(&r->samples);
-    const Foxglove__PointCloud *c = converted(r, convert_cloud, &m);
+    const Foxglove__PointCloud *c = converted(r, "cloud", &m);
     size_t n;
     const float *points = points_of(c, &n);
 
@@ -163,7 +178,7 @@ static void without_a_wall_the_cloud_stays_as_imaged(void **state)
     r->samples.survey.has_wall = false;
     resurvey(r);
     const struct foxglove_message m = samples_volume(&r->samples);
-    const float *points = points_of(converted(r, convert_cloud, &m), &n);
+    const float *points = points_of(converted(r, "cloud", &m), &n);
     assert_int_equal(n, 2);
     assert_near(points[2], 1.5, 1e-6);
     assert_near(points[6], 1.9, 1e-6);
@@ -176,21 +191,20 @@ static void an_image_waits_for_its_survey(void **state)
     ProtobufCMessage *out;
 
     r->samples.volume.survey_id++;
-    assert_int_equal(convert_cloud(&r->arena, &r->setting, &m, &out), -EAGAIN);
-    assert_int_equal(convert_voxels(&r->arena, &r->setting, &m, &out), -EAGAIN);
+    assert_int_equal(conversion("cloud")(&r->arena, &r->setting, &m, &out), -EAGAIN);
+    assert_int_equal(conversion("voxels")(&r->arena, &r->setting, &m, &out), -EAGAIN);
 }
 
 static void a_volume_that_does_not_hold_is_refused(void **state)
 {
-    static const foxglove_convert all[] = {convert_cloud, convert_voxels, convert_front,
-                                           convert_top, convert_side};
+    static const char *const all[] = {"cloud", "voxels", "front", "top", "side"};
     struct rig *r = *state;
     const struct foxglove_message m = samples_volume(&r->samples);
     ProtobufCMessage *out;
 
     r->samples.view.message.data.len -= 4;
     for (size_t i = 0; i < sizeof all / sizeof *all; i++)
-        assert_int_equal(all[i](&r->arena, &r->setting, &m, &out), -EINVAL);
+        assert_int_equal(conversion(all[i])(&r->arena, &r->setting, &m, &out), -EINVAL);
 }
 
 /* Drawing axes there would never end. */
@@ -204,8 +218,8 @@ static void a_grid_beyond_all_measure_is_refused(void **state)
     for (size_t i = 0; i < 4; i++) {
         r->samples.origin.x = places[i][0];
         r->samples.step.x = places[i][1];
-        assert_int_equal(convert_front(&r->arena, &r->setting, &m, &out), -EINVAL);
-        assert_int_equal(convert_voxels(&r->arena, &r->setting, &m, &out), -EINVAL);
+        assert_int_equal(conversion("front")(&r->arena, &r->setting, &m, &out), -EINVAL);
+        assert_int_equal(conversion("voxels")(&r->arena, &r->setting, &m, &out), -EINVAL);
     }
 }
 
@@ -219,9 +233,9 @@ static void an_empty_or_broken_image_makes_an_empty_cloud(void **state)
     for (size_t k = 0; k < 4; k++) {
         for (size_t i = 0; i < sizeof r->samples.intensity / sizeof(float); i++)
             (&r->samples.intensity[0][0][0])[i] = values[k];
-        points_of(converted(r, convert_cloud, &m), &n);
+        points_of(converted(r, "cloud", &m), &n);
         assert_int_equal(n, 0);
-        converted(r, convert_voxels, &m);
+        converted(r, "voxels", &m);
     }
 }
 
@@ -316,7 +330,7 @@ static void the_voxels_are_where_the_cloud_is(void **state)
 {
     struct rig *r = *state;
     const struct foxglove_message m = samples_volume(&r->samples);
-    const Foxglove__VoxelGrid *v = converted(r, convert_voxels, &m);
+    const Foxglove__VoxelGrid *v = converted(r, "voxels", &m);
 
     assert_string_equal(v->frame_id, "array");
     assert_int_equal(v->column_count, SAMPLE_NX);
@@ -335,7 +349,7 @@ static void a_tilted_wall_turns_the_grid(void **state)
     memcpy(r->samples.survey.wall_normal, n, sizeof n);
     resurvey(r);
     const struct foxglove_message m = samples_volume(&r->samples);
-    assert_brightest_at(converted(r, convert_voxels, &m), p[0] - 2.0 * beyond * n[0],
+    assert_brightest_at(converted(r, "voxels", &m), p[0] - 2.0 * beyond * n[0],
                         p[1] - 2.0 * beyond * n[1], p[2] - 2.0 * beyond * n[2]);
 }
 
@@ -346,7 +360,7 @@ static void without_a_wall_the_grid_is_as_imaged(void **state)
     r->samples.survey.has_wall = false;
     resurvey(r);
     const struct foxglove_message m = samples_volume(&r->samples);
-    const Foxglove__VoxelGrid *v = converted(r, convert_voxels, &m);
+    const Foxglove__VoxelGrid *v = converted(r, "voxels", &m);
     assert_vector(v->pose->position, -0.25, -0.15, 1.45);
     assert_brightest_at(v, 0.1, 0.0, 1.9);
 }
@@ -366,7 +380,7 @@ static void a_large_image_is_folded_to_maxima(void **state)
     r->samples.survey.has_wall = false;
     resurvey(r);
     const struct foxglove_message m = samples_volume(&r->samples);
-    const Foxglove__VoxelGrid *g = converted(r, convert_voxels, &m);
+    const Foxglove__VoxelGrid *g = converted(r, "voxels", &m);
     size_t n_cells = g->data.len / sizeof(float);
 
     assert_true(n_cells <= 1 << 18 && n_cells > 1 << 16);
@@ -380,7 +394,7 @@ static void a_large_image_is_folded_to_maxima(void **state)
 
 static void pictures_are_png_of_three_sides(void **state)
 {
-    static const foxglove_convert all[] = {convert_front, convert_top, convert_side};
+    static const char *const all[] = {"front", "top", "side"};
     static const uint8_t head[8] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n'};
     struct rig *r = *state;
     const struct foxglove_message m = samples_volume(&r->samples);
@@ -397,7 +411,7 @@ static void an_object_is_a_dot_an_ellipsoid_a_box_and_a_label(void **state)
 {
     struct rig *r = *state;
     const struct foxglove_message m = samples_detections(&r->samples);
-    const Foxglove__SceneUpdate *u = converted(r, convert_objects, &m);
+    const Foxglove__SceneUpdate *u = converted(r, "objects", &m);
 
     assert_int_equal(u->n_deletions, 1);
     assert_int_equal(u->deletions[0]->type, FOXGLOVE__SCENE_ENTITY_DELETION__TYPE__ALL);
@@ -432,7 +446,7 @@ static void a_track_has_an_arrow_of_what_it_goes_in_a_second(void **state)
     d->shape = ANLOS__SHAPE__EXTENDED;
     d->measurement = ANLOS__MEASUREMENT__PREDICTED;
     d->unseen_s = 0.42;
-    const Foxglove__SceneUpdate *u = converted(r, convert_objects, &m);
+    const Foxglove__SceneUpdate *u = converted(r, "objects", &m);
     const Foxglove__SceneEntity *e = u->entities[0];
     assert_int_equal(e->n_arrows, 1);
     const Foxglove__ArrowPrimitive *arrow = e->arrows[0];
@@ -441,10 +455,10 @@ static void a_track_has_an_arrow_of_what_it_goes_in_a_second(void **state)
     assert_turned(arrow->pose->orientation, 1, 0, 0, 0.6, 0.8, 0);
     assert_string_equal(e->texts[0]->text, "1  extended  50%  3.0 m/s  unseen 0.4 s");
     velocity[0] = velocity[1] = 0.01; /* it stands */
-    u = converted(r, convert_objects, &m);
+    u = converted(r, "objects", &m);
     assert_int_equal(u->entities[0]->n_arrows, 0);
     d->measurement = ANLOS__MEASUREMENT__DELETED;
-    u = converted(r, convert_objects, &m);
+    u = converted(r, "objects", &m);
     assert_int_equal(u->n_entities, 0);
 }
 
@@ -471,7 +485,7 @@ static void an_object_without_a_place_is_left_out(void **state)
     const struct foxglove_message m = samples_detections(&r->samples);
 
     r->samples.position.y = NAN;
-    const Foxglove__SceneUpdate *u = converted(r, convert_objects, &m);
+    const Foxglove__SceneUpdate *u = converted(r, "objects", &m);
     assert_int_equal(u->n_entities, 0);
     assert_int_equal(u->n_deletions, 1);
 }
@@ -484,7 +498,7 @@ static void what_is_not_mirrored_back_says_so(void **state)
     r->samples.detections.mirrored = false;
     r->samples.detections.in_vehicle_frame = false;
     r->samples.detection.n_covariance_m2 = 5; /* not one */
-    const Foxglove__SceneUpdate *u = converted(r, convert_objects, &m);
+    const Foxglove__SceneUpdate *u = converted(r, "objects", &m);
     assert_string_equal(u->entities[0]->frame_id, "array");
     assert_string_equal(u->entities[0]->texts[0]->text, "1  50%  31 dB  mirrored");
     assert_int_equal(u->entities[0]->n_spheres, 1);
@@ -496,7 +510,7 @@ static void the_scene_has_wall_vehicle_and_array_in_their_places(void **state)
 {
     struct rig *r = *state;
     const struct foxglove_message m = samples_survey(&r->samples);
-    const Foxglove__SceneUpdate *u = converted(r, convert_scene, &m);
+    const Foxglove__SceneUpdate *u = converted(r, "scene", &m);
 
     assert_int_equal(u->n_entities, 3);
     assert_int_equal(u->n_deletions, 0);
@@ -522,7 +536,7 @@ static void a_tilted_wall_is_drawn_along_its_plane(void **state)
         memcpy(r->samples.survey.wall_normal, n, sizeof normals[i]);
         resurvey(r);
         const struct foxglove_message m = samples_survey(&r->samples);
-        const Foxglove__SceneUpdate *u = converted(r, convert_scene, &m);
+        const Foxglove__SceneUpdate *u = converted(r, "scene", &m);
         const Foxglove__Pose *p = u->entities[0]->cubes[0]->pose;
         assert_turned(p->orientation, 0, 0, 1, n[0], n[1], n[2]);
         assert_near(n[0] * p->position->x + n[1] * p->position->y + n[2] * p->position->z,
@@ -538,7 +552,7 @@ static void what_a_survey_does_not_have_is_taken_away(void **state)
     r->samples.survey.has_mount = false;
     resurvey(r);
     const struct foxglove_message m = samples_survey(&r->samples);
-    const Foxglove__SceneUpdate *u = converted(r, convert_scene, &m);
+    const Foxglove__SceneUpdate *u = converted(r, "scene", &m);
     assert_int_equal(u->n_entities, 1);
     assert_string_equal(u->entities[0]->id, "array");
     assert_int_equal(u->n_deletions, 2);
@@ -555,17 +569,17 @@ static void a_wall_that_is_told_takes_the_place_of_the_surveys(void **state)
 
     r->samples.wall.distance_m = 0.8;
     setting_take(&r->setting, &m);
-    const Foxglove__SceneUpdate *u = converted(r, convert_walls, &m);
+    const Foxglove__SceneUpdate *u = converted(r, "walls", &m);
     assert_int_equal(u->n_entities, 1);
     assert_string_equal(u->entities[0]->id, "wall 3");
     assert_string_equal(u->entities[0]->texts[0]->text, "wall 3  estimated  90%");
     assert_vector(u->entities[0]->cubes[0]->pose->position, 0.25, 0.15, 0.8);
-    u = converted(r, convert_scene, &survey);
+    u = converted(r, "scene", &survey);
     assert_int_equal(u->n_entities, 2);
     assert_string_equal(u->deletions[0]->id, "wall");
     /* The brightest voxel is imaged at z = 1.9. */
     const struct foxglove_message volume = samples_volume(&r->samples);
-    assert_brightest_at(converted(r, convert_voxels, &volume), 0.1, 0.0, -0.3);
+    assert_brightest_at(converted(r, "voxels", &volume), 0.1, 0.0, -0.3);
 }
 
 static void a_wall_that_does_not_hold_is_refused(void **state)
@@ -575,7 +589,7 @@ static void a_wall_that_does_not_hold_is_refused(void **state)
     ProtobufCMessage *out;
 
     r->samples.wall_normal.z = 0.5;
-    assert_int_equal(convert_walls(&r->arena, &r->setting, &m, &out), -EINVAL);
+    assert_int_equal(conversion("walls")(&r->arena, &r->setting, &m, &out), -EINVAL);
 }
 
 /* Array (x, y, z) is vehicle (3.6 + z, 0.5 + x, 0.4 + y). */
@@ -585,7 +599,7 @@ static void the_array_is_where_it_is_mounted(void **state)
     struct foxglove_message m = samples_stage(&r->samples);
 
     setting_take(&r->setting, &m);
-    const Foxglove__FrameTransforms *t = converted(r, convert_transforms, &m);
+    const Foxglove__FrameTransforms *t = converted(r, "frames", &m);
     assert_int_equal(t->n_transforms, 2);
     const Foxglove__FrameTransform *array = t->transforms[0], *stage = t->transforms[1];
     assert_string_equal(array->parent_frame_id, "vehicle");
@@ -605,7 +619,7 @@ static void without_a_mount_the_array_is_the_root(void **state)
     r->samples.survey.has_mount = false;
     resurvey(r);
     const struct foxglove_message m = samples_survey(&r->samples);
-    const Foxglove__FrameTransforms *t = converted(r, convert_transforms, &m);
+    const Foxglove__FrameTransforms *t = converted(r, "frames", &m);
     assert_int_equal(t->n_transforms, 1);
     assert_string_equal(t->transforms[0]->parent_frame_id, "array");
 }
@@ -614,7 +628,7 @@ static void a_list_becomes_figures_for_plots(void **state)
 {
     struct rig *r = *state;
     struct foxglove_message m = samples_detections(&r->samples);
-    const Anlos__Figures *f = converted(r, convert_figures, &m);
+    const Anlos__Figures *f = converted(r, "figures", &m);
 
     assert_int_equal(f->objects, 1);
     assert_near(f->snr_db, 31.4, 1e-9);
@@ -623,7 +637,7 @@ static void a_list_becomes_figures_for_plots(void **state)
     assert_int_equal(f->timestamp->nanos, 250000000);
     r->samples.detection.measurement = ANLOS__MEASUREMENT__PREDICTED;
     r->samples.detections.source = ANLOS__SOURCE__REPLAY;
-    f = converted(r, convert_figures, &m);
+    f = converted(r, "figures", &m);
     assert_int_equal(f->objects, 1);
     assert_true(isnan(f->snr_db) && isnan(f->latency_ms));
 }
@@ -632,7 +646,7 @@ static void a_log_line_keeps_level_node_and_stamp(void **state)
 {
     struct rig *r = *state;
     const struct foxglove_message m = samples_log(&r->samples);
-    const Foxglove__Log *l = converted(r, convert_log, &m);
+    const Foxglove__Log *l = converted(r, "log", &m);
 
     assert_int_equal(l->level, FOXGLOVE__LOG__LEVEL__WARNING);
     assert_string_equal(l->name, "dsp");
@@ -643,7 +657,7 @@ static void a_log_line_keeps_level_node_and_stamp(void **state)
     r->samples.log.repeats_s = 10.0;
     r->samples.log.repeats_ago_s = 4.0;
     r->samples.log.left_out = 2;
-    l = converted(r, convert_log, &m);
+    l = converted(r, "log", &m);
     assert_string_equal(l->message, "microphone 3 is dead (37 times more in 10 s, "
                                     "last 4 s ago) (2 lines before it are left out)");
 }
