@@ -17,12 +17,17 @@
 #include "msgs/detections.pb-c.h"
 #include "msgs/foxglove/schema_table.h"
 #include "msgs/log.pb-c.h"
+#include "msgs/stage.pb-c.h"
 #include "nodes/foxglove/image.h"
 #include "nodes/rt/export_projection.h"
 #include "nodes/rt/list_figures.h"
 #include "nodes/rt/names.h"
 #include "recon/detection/objects.h"
 #include "recon/inverse/symmetric.h"
+
+#define FRAME_VEHICLE "vehicle"
+#define FRAME_ARRAY   "array"
+#define FRAME_STAGE   "stage"
 
 /* -- messages of ours in schemas of Foxglove ----------------------------------------- */
 
@@ -39,8 +44,8 @@ static void place(const struct image *image, size_t x, size_t y, size_t z, float
 
     for (int a = 0; a < 3; a++)
         p[a] = image->grid.origin_m[a] + (double)index[a] * image->grid.step_m[a];
-    if (image->has_wall)
-        wall_mirror(&image->wall, p, p);
+    if (image->wall)
+        wall_mirror(image->wall, p, p);
     for (int a = 0; a < 3; a++)
         out[a] = (float)p[a];
 }
@@ -458,11 +463,9 @@ static Foxglove__SceneEntity *draw_wall(struct arena *a, const struct setting *s
 static Foxglove__SceneEntity *draw_given_wall(struct arena *a, const struct setting *s,
                                               int64_t t_ns)
 {
-    struct wall wall;
+    const struct wall *wall = s->has_walls ? NULL : setting_wall(s);
 
-    return !s->has_walls && setting_wall(s, &wall)
-               ? draw_wall(a, s, &wall, "wall", "wall", t_ns)
-               : NULL;
+    return wall ? draw_wall(a, s, wall, "wall", "wall", t_ns) : NULL;
 }
 
 static Foxglove__SceneEntity *draw_vehicle(struct arena *a, int64_t t_ns)
@@ -696,7 +699,7 @@ static void fold(const struct image *image, const struct cells *c, float *out)
 
     for (size_t z = 0; z < g->n[2]; z++) {
         size_t slice = z / c->fold[2];
-        if (image->has_wall)
+        if (image->wall)
             slice = c->n[2] - 1 - slice;
         for (size_t y = 0; y < g->n[1]; y++, v += g->n[0])
             fold_row(v, g->n[0], c->fold[0], image->levels.brightest,
@@ -715,16 +718,16 @@ static Foxglove__Pose *pose_of(struct arena *a, const struct image *image,
 
     for (int i = 0; i < 3; i++)
         corner[i] = g->origin_m[i] - 0.5 * g->step_m[i];
-    if (!image->has_wall)
+    if (!image->wall)
         return part_pose(a, corner, NULL);
-    const struct wall around = {
-        .normal = {image->wall.normal[0], image->wall.normal[1], image->wall.normal[2]}};
+    const struct wall around = {.normal = {image->wall->normal[0], image->wall->normal[1],
+                                           image->wall->normal[2]}};
     for (int i = 0; i < 3; i++) {
         const double axis[3] = {i == 0, i == 1, i == 2 ? -1.0 : 0.0};
         wall_mirror(&around, axis, axes[i]);
     }
     corner[2] += (double)c->n[2] * c->size_m[2];
-    wall_mirror(&image->wall, corner, corner);
+    wall_mirror(image->wall, corner, corner);
     return part_pose(a, corner, (const double(*)[3])axes);
 }
 
@@ -827,6 +830,19 @@ void channel_get(size_t index, struct channel *out)
         .name = v->name, .schema = schema_of(v->schema), .convert = v->convert};
     for (size_t i = 0; i < CHANNEL_MAX_SOURCES && v->sources[i]; i++)
         out->sources[i] = topics_find(v->sources[i]);
+}
+
+bool setting_take(struct setting *s, const struct foxglove_message *m)
+{
+    if (m->topic == topic_survey())
+        return setting_survey(s, (const Anlos__Survey *)m->content);
+    if (m->topic == topic_wall())
+        setting_walls(s, (const Anlos__WallList *)m->content);
+    if (m->topic == topic_stage_state()) {
+        double at_m = ((const Anlos__StageState *)m->content)->position_m;
+        s->stage_m = isfinite(at_m) ? at_m : s->stage_m;
+    }
+    return false;
 }
 
 bool channel_is_from(const struct channel *c, const struct topic *t)

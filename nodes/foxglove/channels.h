@@ -13,9 +13,14 @@
  *   view/scene    foxglove.SceneUpdate      the survey's wall, vehicle, speakers,
  *                                           microphones
  *   view/walls    foxglove.SceneUpdate      the walls that node wall tells of
- *   view/frames   foxglove.FrameTransforms  of the frames in setting.h
+ *   view/frames   foxglove.FrameTransforms  between the frames below
  *   view/figures  anlos.Figures             signal to noise, latency, number of objects
  *   view/log      foxglove.Log
+ *
+ * Frames, as Foxglove draws them:
+ *   vehicle  x forward, y left, z up; the root, where the survey has a mount
+ *   array    x along the stage, y up, z forward to the wall; the root without a mount
+ *   stage    the array frame, moved with the elements along the stage
  *
  * What is imaged appears mirrored behind the wall; where the wall is known, everything is
  * shown where it really is, in front of it. */
@@ -27,7 +32,7 @@
 #include "msgs/bag/record.h"
 #include "nodes/foxglove/message.h"
 #include "nodes/foxglove/parts.h"
-#include "nodes/foxglove/setting.h"
+#include "nodes/rt/setting.h"
 
 #define CHANNEL_VIEW        "view/" /* what the names of converted ones begin with */
 #define CHANNEL_MAX_SOURCES 2
@@ -44,6 +49,10 @@ struct channel {
     const struct topic *sources[CHANNEL_MAX_SOURCES]; /* NULL: no more */
     foxglove_convert convert;                         /* NULL: a topic as it is */
 };
+
+/* Takes what concerns it from any message.  true: there is another survey now, and what
+ * was made with the one before does not hold. */
+bool setting_take(struct setting *s, const struct foxglove_message *m);
 
 size_t channels_count(void);
 

@@ -86,7 +86,7 @@ int image_open(struct image *out, const struct setting *s,
         return -EINVAL;
     if (!s->has_survey || s->survey_id != volume->survey_id)
         return -EAGAIN;
-    out->has_wall = setting_wall(s, &out->wall);
+    out->wall = setting_wall(s);
     levels_measure(&out->levels, out->intensity, grid_size(&out->grid), max);
     return 0;
 }

@@ -7,7 +7,7 @@
 #include <stddef.h>
 
 #include "nodes/foxglove/message.h"
-#include "nodes/foxglove/setting.h"
+#include "nodes/rt/setting.h"
 #include "recon/grid.h"
 
 /* How bright the voxels of an image are, in a histogram: what stands out of the noise,
@@ -29,12 +29,11 @@ void levels_measure(struct levels *out, const float *intensity, size_t n, size_t
 /* In dB of the brightest, no less than least_db. */
 float level_db(const struct levels *l, float intensity, float least_db);
 
-struct image { /* borrows from the message */
+struct image { /* borrows from the message and the setting */
     struct grid grid;
     const float *intensity; /* [nz][ny][nx] */
     struct levels levels;
-    bool has_wall;
-    struct wall wall;
+    const struct wall *wall; /* NULL: none is known */
 };
 
 /* At most max voxels are to stand out.  0, -EAGAIN (the survey is not that of the

@@ -13,7 +13,7 @@
 #include "nodes/foxglove/channels.h"
 #include "nodes/foxglove/queue.h"
 #include "nodes/foxglove/request.h"
-#include "nodes/foxglove/setting.h"
+#include "nodes/rt/setting.h"
 
 /* The inside of a server: its clients, and the thread that converts.  One lock guards
  * all of it; nobody holds it while he converts. */

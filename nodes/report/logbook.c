@@ -6,7 +6,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "msgs/convert.h"
 #include "nodes/rt/export.h"
 #include "nodes/rt/export_plan.h"
 #include "nodes/rt/names.h"
@@ -27,21 +26,11 @@ void logbook_ego(struct logbook *d, const Anlos__EgoMotion *m, int64_t capture_n
 
 void logbook_survey(struct logbook *d, const Anlos__Survey *m)
 {
-    struct error why;
-    struct survey fresh;
-
-    if (d->survey_id == m->id || survey_from_message(&fresh, m, &why))
-        return; /* dsp complains about it */
-    survey_clear(&d->survey);
-    d->survey = fresh;
-    d->survey_id = m->id;
-    d->has_walls = false; /* those were of another array */
-    walls_from_survey(&d->walls, &d->survey);
+    setting_survey(&d->setting, m);
 }
 
 int logbook_walls(struct logbook *d, const Anlos__WallList *m)
 {
-    struct error why;
     size_t size = protobuf_c_message_get_packed_size(&m->base);
     uint8_t *bytes = malloc(size ? size : 1);
 
@@ -52,11 +41,10 @@ int logbook_walls(struct logbook *d, const Anlos__WallList *m)
     free(bytes);
     if (!fresh)
         return -ENOMEM;
-    if (walls_from_message(&d->walls, fresh, &why)) {
+    if (!setting_walls(&d->setting, fresh)) {
         anlos__wall_list__free_unpacked(fresh, NULL);
-        return 0; /* the nodes that work with them complain */
+        return 0;
     }
-    d->has_walls = true;
     anlos__wall_list__free_unpacked(d->wall_list, NULL);
     d->wall_list = fresh;
     return 0;
@@ -198,13 +186,13 @@ int logbook_picture(const struct logbook *d, const char *folder, const struct gr
     struct plan_track tracks[TRAILS_MAX];
     char title[96];
     struct plan_picture picture = {.title = title,
-                                   .survey = &d->survey,
-                                   .walls = &d->walls,
+                                   .survey = &d->setting.survey,
+                                   .walls = &d->setting.walls,
                                    .trails = &d->trails,
                                    .tracks = tracks,
                                    .grid = grid};
 
-    if (!d->tracked || !d->survey_id)
+    if (!d->tracked || !d->setting.has_survey)
         return 0;
     double s = fmin(1e-9 * (double)(d->last_ns - d->first_ns), 1e-9 * LOGBOOK_SHOWN_NS);
     snprintf(title, sizeof title, "Tracks of the last %.0f s, over ground", s);
@@ -220,7 +208,7 @@ int logbook_picture(const struct logbook *d, const char *folder, const struct gr
 
 void logbook_clear(struct logbook *d)
 {
-    survey_clear(&d->survey);
+    setting_clear(&d->setting);
     anlos__wall_list__free_unpacked(d->wall_list, NULL);
     free(d->tracks);
     logbook_init(d);

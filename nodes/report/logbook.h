@@ -13,10 +13,9 @@
 #include "msgs/survey.pb-c.h"
 #include "msgs/vehicle.pb-c.h"
 #include "msgs/wall.pb-c.h"
+#include "nodes/rt/setting.h"
 #include "nodes/rt/trails.h"
 #include "recon/grid.h"
-#include "recon/survey.h"
-#include "recon/walls/walls.h"
 
 #define LOGBOOK_MAX_TRACKS 1000
 #define LOGBOOK_SHOWN_NS   20000000000LL /* of the picture */
@@ -40,10 +39,7 @@ struct logbook {  /* begins with logbook_init */
     size_t n_tracks, room;
     struct logbook_track *tracks; /* [n_tracks], the oldest first */
     struct trails trails;
-    uint64_t survey_id; /* 0: none */
-    bool has_walls;     /* node wall tells of them; else those of the survey */
-    struct survey survey;
-    struct walls walls;
+    struct setting setting;
     Anlos__WallList *wall_list; /* NULL: none came */
 };
 

@@ -20,13 +20,12 @@
 #include "msgs/volume.pb-c.h"
 #include "nodes/rt/export.h"
 #include "nodes/rt/names.h"
+#include "nodes/rt/setting.h"
 #include "nodes/rt/trails.h"
 #include "nodes/view/history.h"
 #include "nodes/view/meter.h"
 #include "nodes/view/picture.h"
 #include "nodes/view/plan.h"
-#include "recon/survey.h"
-#include "recon/walls/walls.h"
 
 #define NS_PER_MS     1000000
 #define MEASURE_NS    50000000LL /* between two pings whose samples are looked at */
@@ -63,10 +62,7 @@ struct view {
         posted_ns; /* 0: never, as the next two, which view_beat takes in any thread */
     _Atomic int64_t beat_ns, heard_ns;
 
-    struct survey survey;
-    uint64_t survey_id; /* 0: none */
-    bool has_walls;     /* node wall tells of them */
-    struct walls walls; /* else those of the survey */
+    struct setting setting;
     struct trails trails;
     struct history history;
     bool has_history;
@@ -286,9 +282,8 @@ static json_t *describe(struct view *v, const Anlos__Volume *m, int64_t publish_
 {
     const struct grid *g = &v->picture.grid;
     json_t *footprint =
-        v->survey_id && v->survey_id == m->survey_id
-            ? plan_footprint_json(&v->survey, v->walls.n ? &v->walls.list[0].plane : NULL,
-                                  g)
+        v->setting.has_survey && v->setting.survey_id == m->survey_id
+            ? plan_footprint_json(&v->setting.survey, setting_wall(&v->setting), g)
             : json_null();
 
     return json_pack(
@@ -384,30 +379,18 @@ static void keep(struct view *v, enum board_subject subject, json_t *json)
 
 static void take_survey(struct view *v, const Anlos__Survey *m)
 {
-    struct survey fresh;
-    struct error why;
-
-    if (v->survey_id == m->id || survey_from_message(&fresh, m, &why))
+    if (!setting_survey(&v->setting, m))
         return;
-    survey_clear(&v->survey);
-    v->survey = fresh;
-    v->survey_id = m->id;
-    v->has_walls = false; /* those were of another array */
     json_decref(v->kept[BOARD_WALLS]);
     v->kept[BOARD_WALLS] = NULL;
     v->changed[BOARD_WALLS] = true;
-    walls_from_survey(&v->walls, &v->survey);
-    keep(v, BOARD_SCENE, plan_scene_json(&v->survey));
+    keep(v, BOARD_SCENE, plan_scene_json(&v->setting.survey));
 }
 
 static void take_walls(struct view *v, const Anlos__WallList *m)
 {
-    struct error why;
-
-    if (!v->survey_id || walls_from_message(&v->walls, m, &why))
-        return; /* those who work with them complain */
-    v->has_walls = true;
-    keep(v, BOARD_WALLS, plan_walls_json(&v->survey, m, &v->walls));
+    if (v->setting.has_survey && setting_walls(&v->setting, m))
+        keep(v, BOARD_WALLS, plan_walls_json(&v->setting.survey, m, &v->setting.walls));
 }
 
 static void take_objects(struct view *v, const struct view_message *in, int64_t now_ns)
@@ -548,10 +531,7 @@ void view_reset(struct view *v)
         json_decref(v->kept[i]);
         v->kept[i] = NULL;
     }
-    survey_clear(&v->survey);
-    v->survey_id = 0;
-    v->has_walls = false;
-    v->walls.n = 0;
+    setting_clear(&v->setting);
     trails_init(&v->trails, VIEW_TRAIL_NS, TRAIL_STEP_NS);
     meter_clear(&v->meter);
     v->measured_ns = 0;
