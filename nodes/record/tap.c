@@ -88,7 +88,8 @@ int tap_open(struct tap *t, struct bus *bus, struct recorder *recorder,
     return t->counts ? 0 : -ENOMEM;
 }
 
-void tap_count(struct tap *t)
+/* What is lost by now, to both. */
+static void count_lost(struct tap *t)
 {
     size_t n = bus_counts(t->bus, t->counts, t->room);
     int64_t now_ns = clock_now_ns(t->clock);
@@ -144,7 +145,7 @@ static int tick(struct tap *t, struct error *why)
     int64_t now = clock_now_ns(t->clock);
 
     if (now >= t->count_due_ns) {
-        tap_count(t);
+        count_lost(t);
         t->count_due_ns = now + COUNT_PERIOD_NS;
     }
     t->due_ns = INT64_MAX;
@@ -200,7 +201,7 @@ int tap_drain(struct tap *t, struct error *why)
                 break;
         }
     }
-    tap_count(t);
+    count_lost(t);
     return err == -ETIMEDOUT || err == -ESHUTDOWN ? 0 : err;
 }
 

@@ -46,8 +46,6 @@ int tap_step(struct tap *t, int timeout_ms, struct error *why);
  * comes for a moment.  Ends an interrupt.  As tap_step. */
 int tap_drain(struct tap *t, struct error *why);
 
-/* What is lost by now, to both. */
-void tap_count(struct tap *t);
 void tap_close(struct tap *t);
 
 /* The topics to be recorded, by patterns (nodes/rt/patterns.h). */

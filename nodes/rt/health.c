@@ -62,7 +62,8 @@ void health_take(struct health *out, struct bus *bus, char *node, uint64_t malfo
     out->message.refused_connections = bus_refused_connections(bus);
 }
 
-void health_latencies(struct health *out, const struct latencies *l, int64_t now_ns)
+/* Adds how old the sound is in what the node takes and publishes. */
+static void put_latencies(struct health *out, const struct latencies *l, int64_t now_ns)
 {
     for (size_t i = 0; i < out->message.n_topics; i++) {
         Anlos__TopicCount *c = &out->counts[i];
@@ -132,7 +133,7 @@ static void heartbeat_publish(struct heartbeat *h)
     log_tick(h->log);
     look_at_priority(h);
     health_take(&v, h->bus, h->node, h->malformed);
-    health_latencies(&v, &h->latencies, now_ns);
+    put_latencies(&v, &h->latencies, now_ns);
     if (h->device)
         health_device(&v, counts, h->counts(h->device, counts));
     health_faults(&v.message, &faults, h->faults, h->n_faults);

@@ -42,9 +42,6 @@ struct health { /* the message and what it points to */
  * but did not unpack, counted as refused. */
 void health_take(struct health *out, struct bus *bus, char *node, uint64_t malformed);
 
-/* Adds how old the sound is in what the node takes and publishes. */
-void health_latencies(struct health *out, const struct latencies *l, int64_t now_ns);
-
 /* Adds what the node's device counts. */
 void health_device(struct health *out, const struct device_count *counts, size_t n);
 

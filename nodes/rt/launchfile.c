@@ -404,7 +404,8 @@ bool launchfile_keeps_pace(const struct launchfile *l)
     return l->scan.fixed && !fast && !launchfile_has_node(l, "play");
 }
 
-char *launchfile_beside(const struct launchfile *l, const char *path)
+/* A path of the file is relative to its folder.  On the heap; NULL: no memory. */
+static char *path_beside(const struct launchfile *l, const char *path)
 {
     const char *slash = strrchr(l->path, '/');
     int folder = slash && path[0] != '/' ? (int)(slash - l->path) + 1 : 0;
@@ -542,7 +543,7 @@ static int check_endpoint(const struct launchfile *l, const struct host *h,
  * is no current folder. */
 static char *whole_path(const struct launchfile *l, const char *path)
 {
-    char *beside = launchfile_beside(l, path), *out = NULL;
+    char *beside = path_beside(l, path), *out = NULL;
     char *folder = beside && beside[0] != '/' ? realpath(".", NULL) : NULL;
 
     if (beside && beside[0] == '/')
@@ -1161,7 +1162,7 @@ static int copy_view(struct launchfile *l, const struct launch_text *t, struct e
     l->view.port = port;
     l->view.save = t->view.save && *t->view.save;
     l->view.address = strdup(t->view.address ? t->view.address : "127.0.0.1");
-    l->view.bag = t->view.bag ? launchfile_beside(l, t->view.bag) : NULL;
+    l->view.bag = t->view.bag ? path_beside(l, t->view.bag) : NULL;
     return l->view.address && (l->view.bag || !t->view.bag) ? 0 : -ENOMEM;
 }
 
@@ -1290,7 +1291,7 @@ static char *play_bag(const struct launchfile *l, const char *in_file,
 {
     if (options && options->bag)
         return strdup(options->bag);
-    return in_file ? launchfile_beside(l, in_file) : strdup("");
+    return in_file ? path_beside(l, in_file) : strdup("");
 }
 
 static int copy_play_texts(struct launchfile *l, const struct launch_text_play *t,

@@ -165,9 +165,6 @@ bool launchfile_moves_stage(const struct launchfile *l);
  * as fast as it goes, does not. */
 bool launchfile_keeps_pace(const struct launchfile *l);
 
-/* A path of the file is relative to its folder.  On the heap; NULL: no memory. */
-char *launchfile_beside(const struct launchfile *l, const char *path);
-
 /* Defaults are filled in.  options may be NULL.
  * 0, -ENOENT, -EINVAL ("file:line: key: expected"), -ENOMEM. */
 int launchfile_load(struct launchfile **out, const char *path,
