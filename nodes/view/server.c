@@ -15,21 +15,6 @@
 #include "nodes/view/page.h"
 #include "nodes/web/web.h"
 
-/* The WebSocket of the page, at "/live": frames of the board out, requests in.  A page
- * that is slow skips frames and keeps nobody waiting. */
-
-#define LIVE_MAX_PAGES 12
-
-struct live_config {
-    struct view *view;
-    const char *address;                     /* outlives it; for guard_host */
-    void (*seek)(void *ctx, double seconds); /* NULL: there is no bag */
-    void (*mark)(void *ctx, double seconds, const char *name);
-    void *bag_ctx;
-    void (*save)(void *ctx); /* NULL: pages only read */
-    void *save_ctx;
-};
-
 #define SCHEME "http://"
 
 /* The name or address in "name:port", "1.2.3.4:port", "[::1]:port".  false: too long, or
@@ -121,44 +106,52 @@ int request_parse(struct request *out, const void *data, size_t size)
     return err;
 }
 
-struct live {
-    struct live_config cfg;
+#define WRITE_TIME_MS  30000 /* a browser on a loaded machine may take seconds */
+#define SILENCE_TIME_S 10
+#define LIVE_MAX_PAGES 12
+
+struct server {
+    struct server_config cfg;
     struct web *web;
     size_t pages; /* the web server's thread's */
+    struct foxglove_server *foxglove;
 };
 
+/* The WebSocket of the page, at "/live": frames of the board out, requests in.  A page
+ * that is slow skips frames and keeps nobody waiting. */
+
 struct page {
-    struct live *live;
+    struct server *server;
     struct board_reader reader;
 };
 
 static bool refuse_page(void *ctx, const struct web_request *r, struct web_reply *out)
 {
-    const struct live *l = ctx;
+    const struct server *s = ctx;
 
-    out->status = l->pages >= LIVE_MAX_PAGES ? "503 Service Unavailable"
+    out->status = s->pages >= LIVE_MAX_PAGES ? "503 Service Unavailable"
                                              : "403 Forbidden";
-    return l->pages >= LIVE_MAX_PAGES || !guard_host(r->host, l->cfg.address) ||
+    return s->pages >= LIVE_MAX_PAGES || !guard_host(r->host, s->cfg.address) ||
            !guard_origin(r->origin, r->host);
 }
 
 static void *open_page(void *ctx)
 {
-    struct live *l = ctx;
-    struct page *p = l->pages < LIVE_MAX_PAGES ? calloc(1, sizeof *p) : NULL;
+    struct server *s = ctx;
+    struct page *p = s->pages < LIVE_MAX_PAGES ? calloc(1, sizeof *p) : NULL;
 
     if (!p)
         return NULL;
-    p->live = l;
-    l->pages++;
-    view_pages(l->cfg.view, 1);
+    p->server = s;
+    s->pages++;
+    view_pages(s->cfg.view, 1);
     return p;
 }
 
 static bool take_request(void *client, const void *data, size_t size, bool binary)
 {
     struct page *p = client;
-    const struct live_config *cfg = &p->live->cfg;
+    const struct server_config *cfg = &p->server->cfg;
     struct request request;
 
     if (!data || binary || request_parse(&request, data, size))
@@ -180,7 +173,7 @@ static bool take_request(void *client, const void *data, size_t size, bool binar
 static enum web_next next_frame(void *client, struct web_frame *out)
 {
     struct page *p = client;
-    struct frame *f = board_next(view_board(p->live->cfg.view), &p->reader);
+    struct frame *f = board_next(view_board(p->server->cfg.view), &p->reader);
 
     *out = (struct web_frame){.owner = f};
     if (!f)
@@ -199,66 +192,20 @@ static void drop_frame(void *client, const struct web_frame *f, bool sent)
 static void close_page(void *client)
 {
     struct page *p = client;
-    struct live *l = p->live;
+    struct server *s = p->server;
 
-    board_close(view_board(l->cfg.view), &p->reader);
+    board_close(view_board(s->cfg.view), &p->reader);
     free(p);
-    l->pages--;
-    view_pages(l->cfg.view, -1);
+    s->pages--;
+    view_pages(s->cfg.view, -1);
 }
 
 static void wake(void *ctx)
 {
-    struct live *l = ctx;
-
-    web_wake(l->web);
+    web_wake(((struct server *)ctx)->web);
 }
 
-/* Before web_start.  0, -ENOMEM. */
-static int live_create(struct live **out, struct web *web, const struct live_config *cfg)
-{
-    struct live *l = calloc(1, sizeof *l);
-    const struct web_endpoint endpoint = {.path = "/live",
-                                          .max_message = REQUEST_MAX_SIZE,
-                                          .ctx = l,
-                                          .refuse = refuse_page,
-                                          .open = open_page,
-                                          .take = take_request,
-                                          .next = next_frame,
-                                          .done = drop_frame,
-                                          .close = close_page};
-
-    if (!l)
-        return -ENOMEM;
-    l->cfg = *cfg;
-    l->web = web;
-    web_serve(web, &endpoint);
-    board_watch(view_board(cfg->view), wake, l);
-    *out = l;
-    return 0;
-}
-
-/* Before web_destroy: it wakes the server no more. */
-static void live_stop(struct live *l)
-{
-    board_watch(view_board(l->cfg.view), NULL, NULL);
-}
-
-/* After web_destroy.  NULL is fine. */
-static void live_destroy(struct live *l)
-{
-    free(l);
-}
-
-#define WRITE_TIME_MS  30000 /* a browser on a loaded machine may take seconds */
-#define SILENCE_TIME_S 10
-
-struct server {
-    struct server_config cfg;
-    struct web *web;
-    struct live *live;
-    struct foxglove_server *foxglove;
-};
+/* The files of the page. */
 
 static const struct page_file *find_file(const char *path)
 {
@@ -316,22 +263,24 @@ static int create_all(struct server *s, struct error *why)
                                    .log_ctx = s->cfg.log_ctx,
                                    .page = serve,
                                    .page_ctx = s};
-    const struct live_config live = {.view = s->cfg.view,
-                                     .address = s->cfg.address,
-                                     .seek = s->cfg.seek,
-                                     .mark = s->cfg.mark,
-                                     .bag_ctx = s->cfg.bag_ctx,
-                                     .save = s->cfg.save,
-                                     .save_ctx = s->cfg.save_ctx};
+    const struct web_endpoint live = {.path = "/live",
+                                      .max_message = REQUEST_MAX_SIZE,
+                                      .ctx = s,
+                                      .refuse = refuse_page,
+                                      .open = open_page,
+                                      .take = take_request,
+                                      .next = next_frame,
+                                      .done = drop_frame,
+                                      .close = close_page};
     struct foxglove_config foxglove;
     int err = web_create(&s->web, &web, why);
 
     if (err)
         return err;
+    web_serve(s->web, &live);
+    board_watch(view_board(s->cfg.view), wake, s);
     foxglove_config_default(&foxglove, s->cfg.now_ns);
-    err = live_create(&s->live, s->web, &live);
-    if (!err)
-        err = foxglove_server_create(&s->foxglove, s->web, &foxglove);
+    err = foxglove_server_create(&s->foxglove, s->web, &foxglove);
     return err ? error_say(why, err, "the web server: %s", strerror(-err))
                : web_start(s->web, why);
 }
@@ -372,10 +321,8 @@ void server_destroy(struct server *s)
         return;
     if (s->foxglove)
         foxglove_server_stop(s->foxglove);
-    if (s->live)
-        live_stop(s->live);
+    board_watch(view_board(s->cfg.view), NULL, NULL); /* it wakes the server no more */
     web_destroy(s->web);
     foxglove_server_destroy(s->foxglove);
-    live_destroy(s->live);
     free(s);
 }
