@@ -58,7 +58,6 @@ struct foxglove_server {
     struct setting setting; /* of the thread that converts alone */
 };
 
-/* Of nodes/web/web.h: the server's endpoint; the context is the server. */
 static size_t topic_index(const struct topic *t)
 {
     return (size_t)(t - topics_all());

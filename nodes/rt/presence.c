@@ -28,11 +28,18 @@ void presence_read(struct presence_locks *out, const char *path)
     fclose(f);
 }
 
+static FILE *open_lock(const char *run_dir, const char *node)
+{
+    char path[PATH_MAX];
+    int n = snprintf(path, sizeof path, "%s/%s.lock", run_dir, node);
+
+    return n > 0 && (size_t)n < sizeof path ? fopen(path, "re") : NULL;
+}
+
 bool presence_replays(const char *run_dir, const char *node)
 {
-    char path[PATH_MAX], word[8] = "";
-    int n = snprintf(path, sizeof path, "%s/%s.lock", run_dir, node);
-    FILE *f = n > 0 && (size_t)n < sizeof path ? fopen(path, "re") : NULL;
+    char word[8] = "";
+    FILE *f = open_lock(run_dir, node);
 
     if (!f)
         return false;
@@ -44,10 +51,9 @@ bool presence_replays(const char *run_dir, const char *node)
 enum presence presence_of(const struct presence_locks *locks, const char *run_dir,
                           const char *node)
 {
-    char path[PATH_MAX];
     struct stat st;
-    int n = snprintf(path, sizeof path, "%s/%s.lock", run_dir, node), pid = 0;
-    FILE *f = n > 0 && (size_t)n < sizeof path ? fopen(path, "re") : NULL;
+    int pid = 0;
+    FILE *f = open_lock(run_dir, node);
 
     if (!f)
         return PRESENCE_NEVER;
