@@ -166,3 +166,16 @@ ProtobufCMessage *message_unpack(const ProtobufCMessageDescriptor *schema, size_
     errno = ENOMEM;
     return NULL;
 }
+
+ProtobufCMessage *message_copy(const ProtobufCMessage *m)
+{
+    size_t size = protobuf_c_message_get_packed_size(m);
+    uint8_t *bytes = malloc(size ? size : 1);
+
+    if (!bytes)
+        return NULL;
+    protobuf_c_message_pack(m, bytes);
+    ProtobufCMessage *out = protobuf_c_message_unpack(m->descriptor, NULL, size, bytes);
+    free(bytes);
+    return out;
+}

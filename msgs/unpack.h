@@ -24,4 +24,9 @@ ProtobufCMessage *message_unpack(const ProtobufCMessageDescriptor *schema, size_
 ProtobufCMessage *message_unpack_as_it_is(const ProtobufCMessageDescriptor *schema,
                                           size_t size, const uint8_t *data);
 
+/* A deep copy of one of ours, by way of its bytes, to be freed likewise.  NULL: no
+ * memory.
+ */
+ProtobufCMessage *message_copy(const ProtobufCMessage *m);
+
 #endif

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "msgs/unpack.h"
 #include "nodes/rt/export.h"
 #include "nodes/rt/export_plan.h"
 #include "nodes/rt/names.h"
@@ -31,14 +32,8 @@ void logbook_survey(struct logbook *d, const Anlos__Survey *m)
 
 int logbook_walls(struct logbook *d, const Anlos__WallList *m)
 {
-    size_t size = protobuf_c_message_get_packed_size(&m->base);
-    uint8_t *bytes = malloc(size ? size : 1);
+    Anlos__WallList *fresh = (Anlos__WallList *)message_copy(&m->base);
 
-    if (!bytes)
-        return -ENOMEM;
-    protobuf_c_message_pack(&m->base, bytes);
-    Anlos__WallList *fresh = anlos__wall_list__unpack(NULL, size, bytes);
-    free(bytes);
     if (!fresh)
         return -ENOMEM;
     if (!setting_walls(&d->setting, fresh)) {

@@ -10,6 +10,7 @@
 
 #include "msgs/convert.h"
 #include "msgs/topics.h"
+#include "msgs/unpack.h"
 #include "nodes/rt/export.h"
 #include "nodes/rt/export_plan.h"
 #include "nodes/rt/export_projection.h"
@@ -18,14 +19,9 @@
 
 int report_hosts_take(struct report_hosts *h, const Anlos__HostStatus *status)
 {
-    size_t i = 0, size = anlos__host_status__get_packed_size(status);
-    uint8_t *bytes = malloc(size ? size : 1);
+    Anlos__HostStatus *fresh = (Anlos__HostStatus *)message_copy(&status->base);
+    size_t i = 0;
 
-    if (!bytes)
-        return -ENOMEM;
-    anlos__host_status__pack(status, bytes);
-    Anlos__HostStatus *fresh = anlos__host_status__unpack(NULL, size, bytes);
-    free(bytes);
     if (!fresh)
         return -ENOMEM;
     while (i < h->n && strcmp(h->list[i]->host, fresh->host) != 0)
@@ -280,20 +276,6 @@ void report_init(struct report *r)
     logbook_init(&r->logbook);
 }
 
-/* A deep copy, by way of its bytes.  NULL: no memory. */
-static void *copy(const ProtobufCMessage *m)
-{
-    size_t size = protobuf_c_message_get_packed_size(m);
-    uint8_t *bytes = malloc(size ? size : 1);
-
-    if (!bytes)
-        return NULL;
-    protobuf_c_message_pack(m, bytes);
-    void *out = protobuf_c_message_unpack(m->descriptor, NULL, size, bytes);
-    free(bytes);
-    return out;
-}
-
 int report_survey(struct report *r, const Anlos__Survey *survey)
 {
     struct processing p;
@@ -317,7 +299,7 @@ int report_volume(struct report *r, const Anlos__Volume *volume, int64_t capture
     if (r->volume && r->volume->pings_used == volume->pings_used &&
         r->volume_capture_ns == capture_ns)
         return 0;
-    Anlos__Volume *fresh = copy(&volume->base);
+    Anlos__Volume *fresh = (Anlos__Volume *)message_copy(&volume->base);
     if (!fresh)
         return -ENOMEM;
     anlos__volume__free_unpacked(r->volume, NULL);
@@ -335,7 +317,7 @@ int report_detections(struct report *r, const Anlos__DetectionList *list,
     int err = logbook_list(&r->logbook, list, capture_ns);
     if (err)
         return err;
-    Anlos__DetectionList *fresh = copy(&list->base);
+    Anlos__DetectionList *fresh = (Anlos__DetectionList *)message_copy(&list->base);
     if (!fresh)
         return -ENOMEM;
     anlos__detection_list__free_unpacked(r->detections, NULL);
@@ -357,7 +339,7 @@ int report_status(struct report *r, const Anlos__ScanStatus *status, int64_t now
         r->ended_ns = 0;
     else if (!r->ended_ns)
         r->ended_ns = now_ns;
-    Anlos__ScanStatus *fresh = copy(&status->base);
+    Anlos__ScanStatus *fresh = (Anlos__ScanStatus *)message_copy(&status->base);
     if (!fresh)
         return -ENOMEM;
     anlos__scan_status__free_unpacked(r->status, NULL);
@@ -376,7 +358,7 @@ int report_health(struct report *r, const Anlos__Health *health, int64_t epoch_n
     struct report_node *n = &r->nodes[i];
     if (i < r->n_nodes && epoch_ns < n->epoch_ns)
         return 0;
-    Anlos__Health *fresh = copy(&health->base);
+    Anlos__Health *fresh = (Anlos__Health *)message_copy(&health->base);
     if (!fresh)
         return -ENOMEM;
     anlos__health__free_unpacked(n->health, NULL);
