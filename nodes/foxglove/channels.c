@@ -792,7 +792,7 @@ static const struct view {
 
 #define N_VIEWS (sizeof views / sizeof *views)
 
-static size_t count_topics(void)
+size_t channels_topics(void)
 {
     size_t n = 0;
 
@@ -803,7 +803,7 @@ static size_t count_topics(void)
 
 size_t channels_count(void)
 {
-    return count_topics() + N_VIEWS;
+    return channels_topics() + N_VIEWS;
 }
 
 static struct bag_schema schema_of(const char *name)
@@ -818,7 +818,7 @@ static struct bag_schema schema_of(const char *name)
 
 void channel_get(size_t index, struct channel *out)
 {
-    size_t n = count_topics();
+    size_t n = channels_topics();
 
     if (index < n) {
         const struct topic *t = &topics_all()[index];

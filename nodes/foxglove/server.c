@@ -528,19 +528,10 @@ void foxglove_config_default(struct foxglove_config *cfg, int64_t now_ns)
                                     .queue_messages = 1024};
 }
 
-static size_t count_topics(void)
-{
-    size_t n = 0;
-
-    while (topics_all()[n].name)
-        n++;
-    return n;
-}
-
 static void free_server(struct foxglove_server *s)
 {
     inbox_clear(&s->inbox);
-    for (size_t i = 0; s->newest && i < count_topics(); i++)
+    for (size_t i = 0; s->newest && i < channels_topics(); i++)
         blob_release(s->newest[i].payload);
     free(s->newest);
     setting_clear(&s->setting);
@@ -590,7 +581,7 @@ int foxglove_server_create(struct foxglove_server **out, struct web *web,
     s->info = reply_server_info(cfg->name, cfg->session_ns);
     s->offered = calloc(s->n_channels, sizeof *s->offered);
     s->named = calloc(s->n_channels, sizeof *s->named);
-    s->newest = calloc(count_topics(), sizeof *s->newest);
+    s->newest = calloc(channels_topics(), sizeof *s->newest);
     int err = !s->info || !s->offered || !s->named || !s->newest
                   ? -ENOMEM
                   : -pthread_create(&s->press, NULL, press_run, s);
