@@ -14,7 +14,6 @@
 #include "msgs/bag/topic_message.h"
 #include "nodes/anlos/feed.h"
 #include "nodes/anlos/interrupt.h"
-#include "nodes/anlos/topic/field_path.h"
 #include "nodes/anlos/topic/message_json.h"
 #include "nodes/anlos/usage.h"
 

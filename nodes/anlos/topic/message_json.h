@@ -11,15 +11,13 @@
 #include <stddef.h>
 #include <stdio.h>
 
+#include "dsp/error.h"
 #include "msgs/envelope.h"
 
 /* An anlos.Tensor becomes type, shape, min and max (of the magnitude when complex); full:
  * its numbers too, complex ones as [re, im].  Other bytes become their size; full: hex.
  * NULL: no memory. */
 json_t *message_json(const ProtobufCMessage *m, bool full);
-
-/* Bytes of one value of a field that repeats, in protobuf-c's array of them. */
-size_t message_value_size(ProtobufCType type);
 
 /* A message with its envelope as one line of JSON: as `anlos topic echo` prints it and
  * `anlos bag export --format json` writes it. */
@@ -36,5 +34,27 @@ struct message_line {
 /* full: every number of sound and images (message_json).  0, -ENOMEM; what cannot be
  * written shows in ferror(f). */
 int message_line_write(const struct message_line *l, bool full, FILE *f);
+
+/* And back: what message_json writes with full.  A field that is left out has its
+ * default; null is NaN of a number, and no message of a message. */
+
+/* Of an anlos.Tensor type and shape are asked for, and all numbers as data, complex ones
+ * as [re, im]; min and max are ignored.  A Vec3 may be [x, y, z].  64-bit numbers may be
+ * texts, enumerations names or numbers.  Free the result with
+ * protobuf_c_message_free_unpacked(m, NULL).  0, -EINVAL (no such field, another type,
+ * out of range: the error names the field), -ENOMEM. */
+int json_message(ProtobufCMessage **out, const json_t *j,
+                 const ProtobufCMessageDescriptor *schema, struct error *why);
+
+/* One field of a message: "position_m", or "detections.0.position_m.x"; without a number
+ * that of each: "detections.existence". */
+
+/* Does a message of the schema have it?  0, -EINVAL: the error says what there is. */
+int field_path_check(const char *path, const ProtobufCMessageDescriptor *schema,
+                     struct error *why);
+
+/* What message_json made of it, as a new reference; null where there is none: an index
+ * beyond the end, a message that is absent.  NULL: no memory. */
+json_t *field_path_pick(const char *path, json_t *content);
 
 #endif

@@ -13,7 +13,6 @@
 #include "msgs/bus.h"
 #include "msgs/hosts.h"
 #include "nodes/anlos/interrupt.h"
-#include "nodes/anlos/topic/json_message.h"
 #include "nodes/anlos/topic/message_json.h"
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/presence.h"

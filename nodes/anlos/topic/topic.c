@@ -14,7 +14,7 @@
 #include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/live.h"
 #include "nodes/anlos/topic/echo.h"
-#include "nodes/anlos/topic/field_path.h"
+#include "nodes/anlos/topic/message_json.h"
 #include "nodes/anlos/topic/pub.h"
 #include "nodes/anlos/topic/tally.h"
 #include "nodes/anlos/usage.h"
