@@ -10,7 +10,7 @@
 #include "hal/recording/pings_file.h"
 #include "hal/stage/zaber_message.h"
 #include "hal/survey/response_file.h"
-#include "nodes/anlos/can/decode.h"
+#include "nodes/anlos/can/can.h"
 #include "nodes/anlos/psf/file.h"
 #include "nodes/rt/uri.h"
 #include "tests/fuzz/fuzz.h"

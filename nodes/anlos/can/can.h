@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: MIT */
-/* nodes/anlos/can/decode.h -- frames from a file of candump or an interface, to stdout.
- */
-#ifndef ANLOS_NODES_ANLOS_CAN_DECODE_H
-#define ANLOS_NODES_ANLOS_CAN_DECODE_H
+/* nodes/anlos/can/can.h -- `anlos can`: what the frames on the vehicle's bus say. */
+#ifndef ANLOS_NODES_ANLOS_CAN_CAN_H
+#define ANLOS_NODES_ANLOS_CAN_CAN_H
 
 #include <stdbool.h>
 #include <stdint.h>
@@ -22,8 +21,5 @@ struct decode {
 /* Until the end of the file, or interrupt_requested.  0, -EINTR, -EIO, -ENOMEM or what
  * else reading or printing says. */
 int decode_file(struct decode *d, FILE *f);
-
-/* Until d->seconds or interrupt_requested.  0, -EINTR, -ENODEV, ... */
-int decode_interface(struct decode *d, const char *interface, struct error *why);
 
 #endif
