@@ -17,18 +17,8 @@
 #include "nodes/anlos/doctor/drive_pipe.h"
 #include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/score/drive_score.h"
-#include "nodes/anlos/score/drive_told.h"
 
 #define STAMP_NS 1000000000 /* of time 0: a stamp of 0 is none */
-
-/* A list goes to the vehicle when its image is made, which takes no time here. */
-static void score_told(struct drive_told *told, const struct drive_image *image,
-                       struct drive_score *score)
-{
-    drive_told_list(told, image->tracks, STAMP_NS + llround(1e9 * image->t_s),
-                    STAMP_NS + llround(1e9 * image->out_s));
-    drive_score_told(score, image->t_s, told->objects, told->n);
-}
 
 static int score_next(struct drive_pipe *p, struct drive_score *score,
                       struct drive_told *told, struct drive_moments *moments, double *t_s,
@@ -42,7 +32,10 @@ static int score_next(struct drive_pipe *p, struct drive_score *score,
         return err;
     drive_score_list(score, image.t_s, image.out_s, image.tracks, image.detections,
                      &moment);
-    score_told(told, &image, score);
+    /* It goes to the vehicle when its image is made, which takes no time here. */
+    drive_score_told(score, told, image.t_s, image.tracks,
+                     STAMP_NS + llround(1e9 * image.t_s),
+                     STAMP_NS + llround(1e9 * image.out_s));
     detections_free(image.tracks);
     detections_free(image.detections);
     *t_s = image.t_s;

@@ -9,7 +9,6 @@
 #include <cmocka.h>
 
 #include "nodes/anlos/score/drive_score.h"
-#include "nodes/anlos/score/drive_told.h"
 #include "tests/nodes/near.h"
 
 /* A person walks 1.2 m/s behind a corner, into sight and on. */
@@ -175,8 +174,8 @@ static void tell_vehicle(struct rig *r, struct drive_told *bus, double t_s, doub
     told.detection.n_covariance_m2 = 6;
     told.detection.existence = existence;
     told.list.tracked = told.list.mirrored = told.list.in_vehicle_frame = true;
-    drive_told_list(bus, &told.list, llround(1e9 * t_s), llround(1e9 * (t_s + 0.03)));
-    drive_score_told(&r->score, t_s, bus->objects, bus->n);
+    drive_score_told(&r->score, bus, t_s, &told.list, llround(1e9 * t_s),
+                     llround(1e9 * (t_s + 0.03)));
 }
 
 /* Off by 30 cm: 9 = 0.3^2 / 0.1^2 squared sigmas, by 5 cm a quarter. */

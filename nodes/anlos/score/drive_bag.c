@@ -12,7 +12,6 @@
 #include "msgs/convert.h"
 #include "msgs/topics.h"
 #include "nodes/anlos/bag/stream.h"
-#include "nodes/anlos/score/drive_told.h"
 #include "recon/mount.h"
 
 enum { MOST_AT_ONCE = 64 };
@@ -223,9 +222,8 @@ static int add_list(struct reading *r, const Anlos__DetectionList *list,
     r->begun = true;
     drive_score_list(&r->score, drive_bag_world_s(&r->world, e->capture_ns),
                      drive_bag_world_s(&r->world, e->publish_ns), list, NULL, &moment);
-    drive_told_list(&r->told, list, e->capture_ns, e->publish_ns);
-    drive_score_told(&r->score, drive_bag_world_s(&r->world, e->capture_ns),
-                     r->told.objects, r->told.n);
+    drive_score_told(&r->score, &r->told, drive_bag_world_s(&r->world, e->capture_ns),
+                     list, e->capture_ns, e->publish_ns);
     return drive_moments_add(&r->out->moments, &moment)
                ? error_say(&r->out->why, -ENOMEM, "out of memory")
                : 0;

@@ -5,6 +5,7 @@
 #include <stdbool.h>
 #include <string.h>
 
+#include "nodes/can/config.h"
 #include "recon/tracking/assignment.h"
 
 _Static_assert(BENCH_SET_MAX <= ASSIGNMENT_ROWS, "");
@@ -382,6 +383,61 @@ void drive_score_list(struct drive_score *s, double t_s, double out_s,
     moment->n_detections = judge_detections(s, t_s, detections ? detections : tracks);
 }
 
+/* -- what the vehicle is told
+ * ------------------------------------------------------------
+ */
+
+void drive_told_init(struct drive_told *t, const struct launchfile *l)
+{
+    struct sender_config cfg;
+
+    can_config_sender(&cfg, l);
+    *t = (struct drive_told){.last_ns = 0};
+    sender_init(&t->sender, &cfg);
+}
+
+void drive_told_survey(struct drive_told *t, const Anlos__Survey *survey)
+{
+    sender_survey(&t->sender, survey);
+}
+
+/* Returns how many frames it has. */
+static size_t read_object(const struct can_frame_data *f,
+                          const struct bus_budget_config *bus, struct can_object *o)
+{
+    size_t n = bus->motion;
+
+    *o = (struct can_object){.id = 0};
+    if (bus->motion)
+        can_unpack_object_motion(f++, o);
+    if (!bus->fd) {
+        can_unpack_object_state(&f[0], o);
+        can_unpack_object_dynamics(&f[1], o);
+        can_unpack_object_quality(&f[2], o);
+        return n + 3;
+    }
+    can_unpack_object_fd(f, o);
+    o->sigma_m[0] = sqrt(o->covariance_m2[0]);
+    o->sigma_m[1] = sqrt(o->covariance_m2[3]);
+    o->correlation = o->covariance_m2[1] / (o->sigma_m[0] * o->sigma_m[1]);
+    return n + 1;
+}
+
+/* It goes at now_ns; t->objects are those of its frames, also the deleted. */
+static void send_list(struct drive_told *t, const Anlos__DetectionList *list,
+                      int64_t capture_ns, int64_t now_ns)
+{
+    struct sender_list out;
+
+    sender_list(&t->sender, list, capture_ns, &out);
+    sender_finalize(&t->sender, &out, now_ns, t->last_ns);
+    t->last_ns = now_ns;
+    t->n = 0;
+    for (size_t i = 2; i < out.n_frames; t->n++) /* after header and time */
+        i += read_object(&out.frames[i], &t->sender.cfg.bus, &t->objects[t->n]);
+    sender_sent(&t->sender, &out);
+}
+
 /* The squared error of a middle over its covariance; NaN where that is not known. */
 static double nees_of(const struct can_object *o, const struct room_truth *t)
 {
@@ -392,17 +448,20 @@ static double nees_of(const struct can_object *o, const struct room_truth *t)
     return (x * x - 2.0 * c * x * y + y * y) / (1.0 - c * c);
 }
 
-void drive_score_told(struct drive_score *s, double t_s, const struct can_object *objects,
-                      size_t n)
+void drive_score_told(struct drive_score *s, struct drive_told *told, double t_s,
+                      const Anlos__DetectionList *list, int64_t capture_ns,
+                      int64_t now_ns)
 {
     const struct can_object *found[CAN_MAX_OBJECTS];
     struct matching m = {.n_found = 0};
 
-    for (size_t i = 0; i < n && i < CAN_MAX_OBJECTS; i++) {
-        if (objects[i].measurement == CAN_DELETED || isnan(objects[i].position_m[0]))
+    send_list(told, list, capture_ns, now_ns);
+    for (size_t i = 0; i < told->n; i++) {
+        const struct can_object *o = &told->objects[i];
+        if (o->measurement == CAN_DELETED || isnan(o->position_m[0]))
             continue;
-        memcpy(m.found_m[m.n_found], objects[i].position_m, sizeof m.found_m[0]);
-        found[m.n_found++] = &objects[i];
+        memcpy(m.found_m[m.n_found], o->position_m, sizeof m.found_m[0]);
+        found[m.n_found++] = o;
     }
     pair_up(s, t_s, &m);
     for (size_t i = 0; i < m.n_found; i++)

@@ -18,6 +18,8 @@
 #include "msgs/can/frames.h"
 #include "msgs/detections.pb-c.h"
 #include "nodes/anlos/score/drive_result.h"
+#include "nodes/can/sender.h"
+#include "nodes/rt/launchfile.h"
 
 /* How far a set of reported places is from the set of true ones, in the plane.
  *
@@ -99,10 +101,25 @@ void drive_score_list(struct drive_score *s, double t_s, double out_s,
                       const Anlos__DetectionList *tracks,
                       const Anlos__DetectionList *detections, struct drive_moment *m);
 
-/* What the vehicle was told of the same image: counts who was told, and how true that
- * was.  Errors are those of an object's middle. */
-void drive_score_told(struct drive_score *s, double t_s, const struct can_object *objects,
-                      size_t n);
+/* What the vehicle is told of lists of tracks: each goes through the can node's own step
+ * into frames, and is read back from these. */
+
+struct drive_told {
+    struct sender sender;
+    int64_t last_ns; /* when the list before went */
+    struct can_object objects[CAN_MAX_OBJECTS];
+    size_t n; /* of the newest list, also the deleted */
+};
+
+/* l NULL: the bus as it is by default. */
+void drive_told_init(struct drive_told *t, const struct launchfile *l);
+void drive_told_survey(struct drive_told *t, const Anlos__Survey *survey);
+
+/* The list of the same image, which goes at now_ns: counts who is told, and how true that
+ * is.  Errors are those of an object's middle. */
+void drive_score_told(struct drive_score *s, struct drive_told *told, double t_s,
+                      const Anlos__DetectionList *list, int64_t capture_ns,
+                      int64_t now_ns);
 void drive_score_end(struct drive_score *s);
 
 #endif
