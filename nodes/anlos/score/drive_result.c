@@ -98,25 +98,29 @@ void drive_nees_add(struct drive_nees by_class[DRIVE_CLASSES], const char *kind,
     by_class[c].n_within += nees < DRIVE_NEES_95;
 }
 
-static const struct {
+/* What is drawn from one sum: its mean, or of squares the root of that. */
+static const struct figure {
     const char *name;
-    bool more_is_better;
+    bool more_is_better, squares;
+    size_t sum; /* where it stands in struct drive_result; 0: made of something else */
 } figures[DRIVE_FIGURES] = {
-    [DRIVE_GOSPA] = {"gospa_m", false},
-    [DRIVE_OSPA] = {"ospa_m", false},
-    [DRIVE_LOCALISATION] = {"localisation_m", false},
-    [DRIVE_MISSED] = {"missed_m", false},
-    [DRIVE_FALSE] = {"false_m", false},
-    [DRIVE_SEEN] = {"detection_probability", true},
-    [DRIVE_SEEN_FAR] = {"detection_probability_far", true},
-    [DRIVE_TOLD] = {"told", true},
-    [DRIVE_TOLD_FAR] = {"told_far", true},
-    [DRIVE_FALSE_TRACKS] = {"false_tracks", false},
-    [DRIVE_DELAY] = {"echo_to_track_s", false},
-    [DRIVE_DELAY_WORST] = {"echo_to_track_worst_s", false},
-    [DRIVE_LEAD] = {"lead_before_sight_s", true},
-    [DRIVE_POSITION] = {"position_rms_m", false},
-    [DRIVE_VELOCITY] = {"velocity_rms_m_s", false},
+#define SUM(name) offsetof(struct drive_result, name)
+    [DRIVE_GOSPA] = {"gospa_m", false, false, SUM(gospa)},
+    [DRIVE_OSPA] = {"ospa_m", false, false, SUM(ospa)},
+    [DRIVE_LOCALISATION] = {"localisation_m", false, false, SUM(localisation)},
+    [DRIVE_MISSED] = {"missed_m", false, false, SUM(missed)},
+    [DRIVE_FALSE] = {"false_m", false, false, SUM(false_ones)},
+    [DRIVE_SEEN] = {"detection_probability", true, false, SUM(seen)},
+    [DRIVE_SEEN_FAR] = {"detection_probability_far", true, false, SUM(seen_far)},
+    [DRIVE_TOLD] = {"told", true, false, SUM(told)},
+    [DRIVE_TOLD_FAR] = {"told_far", true, false, SUM(told_far)},
+    [DRIVE_FALSE_TRACKS] = {"false_tracks", false, false, 0},
+    [DRIVE_DELAY] = {"echo_to_track_s", false, false, SUM(delay)},
+    [DRIVE_DELAY_WORST] = {"echo_to_track_worst_s", false, false, 0},
+    [DRIVE_LEAD] = {"lead_before_sight_s", true, false, SUM(lead)},
+    [DRIVE_POSITION] = {"position_rms_m", false, true, SUM(position2)},
+    [DRIVE_VELOCITY] = {"velocity_rms_m_s", false, true, SUM(velocity2)},
+#undef SUM
 };
 
 const char *drive_figure_name(enum drive_figure which)
@@ -124,40 +128,21 @@ const char *drive_figure_name(enum drive_figure which)
     return figures[which].name;
 }
 
+static const struct drive_sum *sum_of(const struct drive_result *r,
+                                      const struct figure *f)
+{
+    return (const void *)((const char *)r + f->sum);
+}
+
 double drive_figure(const struct drive_result *r, enum drive_figure which)
 {
-    switch (which) {
-    case DRIVE_GOSPA:
-        return drive_mean(&r->gospa);
-    case DRIVE_OSPA:
-        return drive_mean(&r->ospa);
-    case DRIVE_LOCALISATION:
-        return drive_mean(&r->localisation);
-    case DRIVE_MISSED:
-        return drive_mean(&r->missed);
-    case DRIVE_FALSE:
-        return drive_mean(&r->false_ones);
-    case DRIVE_SEEN:
-        return drive_mean(&r->seen);
-    case DRIVE_SEEN_FAR:
-        return drive_mean(&r->seen_far);
-    case DRIVE_TOLD:
-        return drive_mean(&r->told);
-    case DRIVE_TOLD_FAR:
-        return drive_mean(&r->told_far);
-    case DRIVE_FALSE_TRACKS:
+    const struct figure *f = &figures[which];
+
+    if (which == DRIVE_FALSE_TRACKS)
         return (double)r->n_false_tracks;
-    case DRIVE_DELAY:
-        return drive_mean(&r->delay);
-    case DRIVE_DELAY_WORST:
+    if (which == DRIVE_DELAY_WORST)
         return r->delay.n ? r->worst_delay_s : NAN;
-    case DRIVE_LEAD:
-        return drive_mean(&r->lead);
-    case DRIVE_POSITION:
-        return drive_rms(&r->position2);
-    default:
-        return drive_rms(&r->velocity2);
-    }
+    return f->squares ? drive_rms(sum_of(r, f)) : drive_mean(sum_of(r, f));
 }
 
 double drive_false_per_hour(const struct drive_result *r)
@@ -185,23 +170,6 @@ static void pool(struct drive_sum *into, const struct drive_sum *s)
     into->n += s->n;
 }
 
-static void add_sums(struct drive_result *all, const struct drive_result *r)
-{
-    pool(&all->gospa, &r->gospa);
-    pool(&all->ospa, &r->ospa);
-    pool(&all->localisation, &r->localisation);
-    pool(&all->missed, &r->missed);
-    pool(&all->false_ones, &r->false_ones);
-    pool(&all->position2, &r->position2);
-    pool(&all->velocity2, &r->velocity2);
-    pool(&all->seen, &r->seen);
-    pool(&all->seen_far, &r->seen_far);
-    pool(&all->told, &r->told);
-    pool(&all->told_far, &r->told_far);
-    pool(&all->delay, &r->delay);
-    pool(&all->lead, &r->lead);
-}
-
 static void add_certainty(struct drive_result *all, const struct drive_result *r)
 {
     for (size_t b = 0; b < DRIVE_BINS; b++) {
@@ -218,7 +186,6 @@ static void add_certainty(struct drive_result *all, const struct drive_result *r
 void drive_tally_add(struct drive_tally *t, const struct drive_result *r)
 {
     t->n++;
-    add_sums(&t->all, r);
     add_certainty(&t->all, r);
     t->all.seconds += r->seconds;
     t->all.n_lists += r->n_lists;
@@ -227,8 +194,10 @@ void drive_tally_add(struct drive_tally *t, const struct drive_result *r)
     t->all.n_late += r->n_late;
     t->all.n_false_tracks += r->n_false_tracks;
     for (int i = 0; i < DRIVE_FIGURES; i++) { /* fmin and fmax pass NaN over */
+        const struct figure *f = &figures[i];
         double x = drive_figure(r, (enum drive_figure)i);
-        t->worst[i] = figures[i].more_is_better ? fmin(t->worst[i], x)
-                                                : fmax(t->worst[i], x);
+        t->worst[i] = f->more_is_better ? fmin(t->worst[i], x) : fmax(t->worst[i], x);
+        if (f->sum)
+            pool((void *)((char *)&t->all + f->sum), sum_of(r, f));
     }
 }
