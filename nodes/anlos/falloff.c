@@ -11,6 +11,7 @@
 #include <unistd.h>
 
 #include "dsp/error.h"
+#include "dsp/list.h"
 #include "hal/recording/recording.h"
 #include "hal/survey/file.h"
 #include "nodes/anlos/commands.h"
@@ -144,18 +145,11 @@ static int compress_position(struct measurement *m, size_t position, struct erro
 
 static int append(struct falloff_points *p, double distance_m, double power)
 {
-    if (p->n == p->room) {
-        size_t room = p->room ? 2 * p->room : 64;
-        double *d = realloc(p->distance_m, room * sizeof *d);
-        if (d)
-            p->distance_m = d;
-        double *w = realloc(p->power, room * sizeof *w);
-        if (w)
-            p->power = w;
-        if (!d || !w)
-            return -ENOMEM;
-        p->room = room;
-    }
+    size_t room = p->room; /* of either */
+
+    if (list_grow(&p->distance_m, p->n, &room, sizeof *p->distance_m) ||
+        list_grow(&p->power, p->n, &p->room, sizeof *p->power))
+        return -ENOMEM;
     p->distance_m[p->n] = distance_m;
     p->power[p->n++] = power;
     return 0;

@@ -5,6 +5,7 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "dsp/list.h"
 #include "hal/decimal.h"
 #include "hal/table_file.h"
 
@@ -57,14 +58,8 @@ static const char *take_row(void *ctx, char *const *fields)
 {
     struct ego_table *t = ctx;
 
-    if (t->n == t->room) {
-        size_t room = t->room ? 2 * t->room : 256;
-        struct ego_row *grown = realloc(t->rows, room * sizeof *grown);
-        if (!grown)
-            return "out of memory";
-        t->rows = grown;
-        t->room = room;
-    }
+    if (list_grow(&t->rows, t->n, &t->room, sizeof *t->rows))
+        return "out of memory";
     const char *wrong = read_row(&t->rows[t->n], fields);
     if (!wrong && t->n && t->rows[t->n].time_ns < t->rows[t->n - 1].time_ns)
         wrong = "time_s: before that of the line above";

@@ -8,6 +8,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "dsp/list.h"
 #include "hal/recording/recording.h"
 #include "hal/survey/file.h"
 #include "msgs/array.pb-c.h"
@@ -82,14 +83,8 @@ static int add_survey(struct facts *f, Anlos__Survey *survey)
 
 static int add_ping(struct facts *f, const Anlos__Ping *p, uint64_t number)
 {
-    if (f->n == f->room) {
-        size_t room = f->room ? 2 * f->room : 256;
-        struct fact *grown = realloc(f->list, room * sizeof *grown);
-        if (!grown)
-            return -ENOMEM;
-        f->list = grown;
-        f->room = room;
-    }
+    if (list_grow(&f->list, f->n, &f->room, sizeof *f->list))
+        return -ENOMEM;
     f->list[f->n++] =
         (struct fact){.number = number,
                       .survey_id = p->survey_id ? p->survey_id : f->newest_id,

@@ -9,6 +9,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
+#include "dsp/list.h"
 #include "hal/text_file.h"
 
 struct reading {
@@ -162,14 +163,8 @@ static int take_line(struct reading *r, char *line)
     line[strcspn(line, "\r\n")] = '\0';
     if (!line[strspn(line, " \t")] || line[0] == '#')
         return 0;
-    if (m->n == r->room) {
-        size_t room = r->room ? 2 * r->room : 64;
-        struct manifest_bag *grown = realloc(m->bags, room * sizeof *grown);
-        if (!grown)
-            return out_of_memory(r);
-        m->bags = grown;
-        r->room = room;
-    }
+    if (list_grow(&m->bags, m->n, &r->room, sizeof *m->bags))
+        return out_of_memory(r);
     struct manifest_bag *b = &m->bags[m->n++];
     *b = (struct manifest_bag){.job = NULL};
     return take_bag(r, b, line);

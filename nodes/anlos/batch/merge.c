@@ -11,6 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "dsp/list.h"
 #include "nodes/anlos/batch/manifest.h"
 #include "nodes/anlos/batch/result.h"
 #include "nodes/anlos/usage.h"
@@ -49,14 +50,8 @@ static int out_of_memory(struct error *why)
 static int add_row(struct merge *m, const char *job, size_t version, json_t *line,
                    struct error *why)
 {
-    if (m->n_rows == m->room) {
-        size_t room = m->room ? 2 * m->room : 256;
-        struct row *grown = realloc(m->rows, room * sizeof *grown);
-        if (!grown)
-            return out_of_memory(why);
-        m->rows = grown;
-        m->room = room;
-    }
+    if (list_grow(&m->rows, m->n_rows, &m->room, sizeof *m->rows))
+        return out_of_memory(why);
     m->rows[m->n_rows++] = (struct row){job, version, line};
     return 0;
 }

@@ -12,6 +12,7 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "dsp/list.h"
 #include "hal/clock.h"
 #include "nodes/rt/json_whole.h"
 #include "nodes/rt/log.h"
@@ -20,15 +21,9 @@ static const char *const level_names[] = {"ok", "note", "wrong"};
 
 static struct finding *add(struct findings *f)
 {
-    if (f->n == f->room) {
-        size_t room = f->room ? 2 * f->room : 32;
-        void *list = realloc(f->list, room * sizeof *f->list);
-        if (!list) {
-            f->full = true;
-            return NULL;
-        }
-        f->list = list;
-        f->room = room;
+    if (list_grow(&f->list, f->n, &f->room, sizeof *f->list)) {
+        f->full = true;
+        return NULL;
     }
     f->list[f->n] = (struct finding){0};
     return &f->list[f->n++];

@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "dsp/list.h"
 #include "hal/room/figure.h"
 #include "hal/room/scene.h"
 #include "msgs/convert.h"
@@ -36,14 +37,8 @@ int drive_bag_world_ego(struct drive_bag_world *w, const Anlos__EgoMotion *m, in
 {
     if (!m->valid || (w->n_ego && ns <= w->ego[w->n_ego - 1].ns))
         return 0;
-    if (w->n_ego == w->ego_room) {
-        size_t room = w->ego_room ? 2 * w->ego_room : 1024;
-        struct bag_ego *grown = realloc(w->ego, room * sizeof *grown);
-        if (!grown)
-            return error_say(why, -ENOMEM, "out of memory");
-        w->ego = grown;
-        w->ego_room = room;
-    }
+    if (list_grow(&w->ego, w->n_ego, &w->ego_room, sizeof *w->ego))
+        return error_say(why, -ENOMEM, "out of memory");
     w->ego[w->n_ego] = (struct bag_ego){.ns = ns};
     ego_from_message(&w->ego[w->n_ego++].motion, m);
     return 0;
@@ -57,14 +52,8 @@ static int drive_bag_world_walls(struct drive_bag_world *w, const Anlos__WallLis
 
     if (err || (w->n_walls && ns <= w->walls[w->n_walls - 1].ns))
         return err;
-    if (w->n_walls == w->walls_room) {
-        size_t room = w->walls_room ? 2 * w->walls_room : 1024;
-        struct bag_wall *grown = realloc(w->walls, room * sizeof *grown);
-        if (!grown)
-            return error_say(why, -ENOMEM, "out of memory");
-        w->walls = grown;
-        w->walls_room = room;
-    }
+    if (list_grow(&w->walls, w->n_walls, &w->walls_room, sizeof *w->walls))
+        return error_say(why, -ENOMEM, "out of memory");
     w->walls[w->n_walls++] = (struct bag_wall){ns, walls.n > 0, walls.list[0].plane};
     return 0;
 }

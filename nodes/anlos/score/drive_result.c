@@ -6,6 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "dsp/list.h"
+
 /* The probability of up to n events; by logarithms, which many events do not overflow. */
 static double up_to(size_t n, double mean)
 {
@@ -32,16 +34,11 @@ double poisson_bound(size_t n, double confidence)
 
 int drive_moments_add(struct drive_moments *m, const struct drive_moment *moment)
 {
-    if (m->n == m->room) {
-        size_t room = m->room ? 2 * m->room : 256;
-        struct drive_moment *at = realloc(m->at, room * sizeof *at);
-        if (!at)
-            return -ENOMEM;
-        m->at = at;
-        m->room = room;
-    }
-    m->at[m->n++] = *moment;
-    return 0;
+    int err = list_grow(&m->at, m->n, &m->room, sizeof *m->at);
+
+    if (!err)
+        m->at[m->n++] = *moment;
+    return err;
 }
 
 #define S_PER_HOUR 3600.0

@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "dsp/list.h"
 #include "hal/table_file.h"
 #include "hal/text_file.h"
 
@@ -29,32 +30,15 @@ struct truth_file {
     size_t n, room;
 };
 
-/* One more at the end of list[*n]; NULL: no memory. */
-static void *append(void **list, size_t *n, size_t *room, size_t size)
-{
-    if (*n == *room) {
-        size_t more = *room ? 2 * *room : 16;
-        void *grown = realloc(*list, more * size);
-        if (!grown)
-            return NULL;
-        *list = grown;
-        *room = more;
-    }
-    void *out = (char *)*list + (*n)++ * size;
-    memset(out, 0, size);
-    return out;
-}
-
 static struct object *find(struct truth_file *f, const char *name, const char *kind)
 {
     for (size_t i = 0; i < f->n; i++)
         if (!strcmp(f->objects[i].name, name))
             return &f->objects[i];
-    void *list = f->objects;
-    struct object *o = append(&list, &f->n, &f->room, sizeof *o);
-    f->objects = list;
-    if (!o)
+    if (list_grow(&f->objects, f->n, &f->room, sizeof *f->objects))
         return NULL;
+    struct object *o = &f->objects[f->n++];
+    *o = (struct object){.n = 0};
     snprintf(o->name, sizeof o->name, "%s", name);
     snprintf(o->kind, sizeof o->kind, "%s", kind);
     return o;
@@ -62,14 +46,11 @@ static struct object *find(struct truth_file *f, const char *name, const char *k
 
 static int add_row(struct object *o, const struct row *row)
 {
-    void *list = o->rows;
-    struct row *last = append(&list, &o->n, &o->room, sizeof *last);
+    int err = list_grow(&o->rows, o->n, &o->room, sizeof *o->rows);
 
-    o->rows = list;
-    if (!last)
-        return -ENOMEM;
-    *last = *row;
-    return 0;
+    if (!err)
+        o->rows[o->n++] = *row;
+    return err;
 }
 
 /* Splits a line at its commas; false: not five parts, or one is too long. */

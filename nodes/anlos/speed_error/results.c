@@ -8,6 +8,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "dsp/list.h"
 #include "nodes/anlos/recon/auto.h"
 
 #define BASE_STEP  0.28 /* of a width: 3.6 voxels in a point, as grid_default has it */
@@ -230,14 +231,8 @@ static void put_result(FILE *f, const struct bench_result *r)
 int bench_results_add(struct bench_results *b, const struct bench_result *r,
                       struct error *why)
 {
-    if (b->n == b->room) {
-        size_t room = b->room ? 2 * b->room : 64;
-        struct bench_result *more = realloc(b->r, room * sizeof *more);
-        if (!more)
-            return error_say(why, -ENOMEM, "out of memory");
-        b->r = more;
-        b->room = room;
-    }
+    if (list_grow(&b->r, b->n, &b->room, sizeof *b->r))
+        return error_say(why, -ENOMEM, "out of memory");
     b->r[b->n++] = *r;
     put_result(b->csv, r);
     return fflush(b->csv) ? error_say(why, -errno, "speed-error.csv: %s", strerror(errno))

@@ -9,6 +9,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "dsp/list.h"
 #include "hal/clock.h"
 #include "msgs/bag/schemas.h"
 #include "msgs/bag/topic_message.h"
@@ -28,9 +29,8 @@ enum { MAX_TOPICS = 64 };
 struct mcap_pipe {
     FILE *f;
     struct bytes_buffer out;
-    struct bag_source
-        *sources; /* [n]: channel id is the index from 1; grown by doubling */
-    size_t n;
+    struct bag_source *sources; /* [n]: channel id is the index from 1 */
+    size_t n, room;
 };
 
 static int write_out(struct mcap_pipe *p)
@@ -80,12 +80,8 @@ static int put_channel(struct mcap_pipe *p, const struct bag_source *s)
 
     if (p->n == UINT16_MAX)
         return -E2BIG;
-    if (!(p->n & (p->n - 1))) { /* 0 and powers of two */
-        void *grown = realloc(p->sources, (p->n ? 2 * p->n : 1) * sizeof *p->sources);
-        if (!grown)
-            return -ENOMEM;
-        p->sources = grown;
-    }
+    if (list_grow(&p->sources, p->n, &p->room, sizeof *p->sources))
+        return -ENOMEM;
     put_schema(p, s->topic);
     p->sources[p->n++] = *s;
     bag_source_describe(s, &metadata);

@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "dsp/list.h"
 #include "dsp/rank.h"
 #include "msgs/topics.h"
 #include "nodes/anlos/text.h"
@@ -27,13 +28,8 @@ int tally_open(struct tally *t, const struct topic *const *topics, size_t n, boo
 /* A new row before row i. */
 static struct tally_row *insert_row(struct tally *t, size_t i, const struct topic *topic)
 {
-    if (t->n_rows == t->room) {
-        void *rows = realloc(t->rows, 2 * t->room * sizeof *t->rows);
-        if (!rows)
-            return NULL;
-        t->rows = rows;
-        t->room *= 2;
-    }
+    if (list_grow(&t->rows, t->n_rows, &t->room, sizeof *t->rows))
+        return NULL;
     memmove(&t->rows[i + 1], &t->rows[i], (t->n_rows - i) * sizeof *t->rows);
     t->n_rows++;
     t->rows[i] = (struct tally_row){.topic = topic};
