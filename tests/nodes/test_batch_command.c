@@ -384,7 +384,7 @@ static void a_bag_that_hangs_is_ended_and_costs_itself_alone(void **state)
     json_decref(line);
     assert_no_leftovers(g);
     assert_int_equal(batch(g, "--timeout", "-1"), 2);
-    assert_contains(g->r.err, "--timeout");
+    assert_contains(g->r.err, "anlos batch: --timeout -1: expected a number from 0");
 }
 
 static void what_goes_with_a_bag_and_is_a_pipe_is_not_waited_for(void **state)

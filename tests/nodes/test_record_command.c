@@ -445,6 +445,8 @@ static void wrong_arguments_are_named(void **state)
          "--split-mb 9: expected no more than half of --quota-mb 10"},
         {{"-o", "a", "--flush-ms", "-3"}, "--flush-ms -3: expected a number above 0"},
         {{"-o", "a", "--duration-s", "long"}, "--duration-s long: expected"},
+        {{"-o", "a", "--before-s", "0"},
+         "record: --before-s 0: expected a number from 1"},
         {{"-o", "a", "--compression", "zip"}, "expected zstd, lz4 or none"},
         {{"-o", "a", "--shuffle"}, "--shuffle: is for --compression zstd or lz4"},
         {{"-o", "a", "--splitmb", "3"}, "did you mean --split-mb?"},

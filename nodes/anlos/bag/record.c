@@ -545,13 +545,13 @@ static int take_option(struct record_options *o, int code)
         o->snapshot = optarg;
         return 0;
     case 'b':
-        return usage_take_count("bag record", "--before-s", optarg, 1, SNAPSHOT_MOST_S,
+        return usage_take_count("bag record", "before-s", optarg, 1, SNAPSHOT_MOST_S,
                                 &o->before_s);
     case 'a':
-        return usage_take_count("bag record", "--after-s", optarg, 0, SNAPSHOT_MOST_S,
+        return usage_take_count("bag record", "after-s", optarg, 0, SNAPSHOT_MOST_S,
                                 &o->after_s);
     case 'M':
-        return usage_take_count("bag record", "--max-mb", optarg, SNAPSHOT_LEAST_MB,
+        return usage_take_count("bag record", "max-mb", optarg, SNAPSHOT_LEAST_MB,
                                 SNAPSHOT_MOST_MB, &o->max_mb);
     case 'n':
         o->no_faults = true;

@@ -574,10 +574,10 @@ static int take_options(struct batch *b, int argc, char **argv)
         else if (code == 's')
             wrong = take_shard(b, optarg);
         else if (code == 'T')
-            wrong = usage_take_count("batch", "--timeout", optarg, 0, MOST_TIMEOUT_S,
+            wrong = usage_take_count("batch", "timeout", optarg, 0, MOST_TIMEOUT_S,
                                      &b->timeout_s);
         else
-            wrong = usage_take_count("batch", "--jobs", optarg, 1, MOST_JOBS, &b->jobs);
+            wrong = usage_take_count("batch", "jobs", optarg, 1, MOST_JOBS, &b->jobs);
     }
     if (wrong || code)
         return wrong ? ~wrong : code;
