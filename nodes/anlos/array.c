@@ -168,10 +168,9 @@ static const char help[] =
     "\n"
     "exit codes: 0 done; 1 failed; 2 bad arguments, no such device\n";
 
-static const struct option options[] = {
-    {"json", no_argument, NULL, 'j'},
-    {"help", no_argument, NULL, 'h'},
-    {NULL, 0, NULL, 0},
+static const struct usage_option options[] = {
+    {"json", USAGE_SWITCH('j')},
+    {.name = NULL},
 };
 
 static int finish(int err, const char *text)

@@ -225,13 +225,6 @@ static const char help[] =
     "\n"
     "exit codes: 0 done; 1 failed; 2 bad arguments or recordings\n";
 
-static const struct option options[] = {
-    {"set", required_argument, NULL, 's'},
-    {"out", required_argument, NULL, 'o'},
-    {"help", no_argument, NULL, 'h'},
-    {NULL, 0, NULL, 0},
-};
-
 struct set {
     const char *name;
     struct falloff_points points;
@@ -410,20 +403,25 @@ static int take_argument(struct falloff *f, int code, const char *text, struct e
     return code == 's' ? 0 : falloff_measure(&f->sets[f->n_sets - 1].points, text, why);
 }
 
+static const struct usage_option options[] = {
+    {"set", USAGE_VALUE('s')},
+    {"out", USAGE_TEXT(struct falloff, out)},
+    {.name = NULL},
+};
+
 int command_falloff(int argc, char **argv)
 {
     struct falloff f = {0};
     struct error why = {0};
-    struct usage usage = {
-        .command = "falloff", .help = help, .options = options, .short_options = "-:h"};
+    struct usage usage = {.command = "falloff",
+                          .help = help,
+                          .options = options,
+                          .into = &f,
+                          .words = true};
     int code = 0, err = 0;
 
-    while (!err && (code = usage_next(&usage, argc, argv)) > 0) {
-        if (code == 'o')
-            f.out = optarg;
-        else
-            err = take_argument(&f, code, optarg, &why);
-    }
+    while (!err && (code = usage_next(&usage, argc, argv)) > 0)
+        err = take_argument(&f, code, optarg, &why);
     if (code < 0) {
         falloff_clear(&f);
         return ~code;

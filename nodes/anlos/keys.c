@@ -42,11 +42,10 @@ static const char help[] =
     "exit codes: 0 done; 1 failed; 2 bad arguments, a secret that others can read, or\n"
     "nothing there\n";
 
-static const struct option options[] = {
-    {"host", required_argument, NULL, 'n'},
-    {"out", required_argument, NULL, 'o'},
-    {"help", no_argument, NULL, 'h'},
-    {NULL, 0, NULL, 0},
+static const struct usage_option options[] = {
+    {"host", USAGE_VALUE('n')},
+    {"out", USAGE_VALUE('o')},
+    {.name = NULL},
 };
 
 static int fail(int err, const struct error *why)

@@ -296,11 +296,15 @@ static const char help[] =
     "exit codes: 0 done; 1 nothing is running, the node is not alive, or failed; 2 bad\n"
     "arguments; 130 stopped by Ctrl-C\n";
 
-static const struct option options[] = {
-    {"json", no_argument, NULL, 'j'},
-    {"run-dir", required_argument, NULL, 'r'},
-    {"help", no_argument, NULL, 'h'},
-    {NULL, 0, NULL, 0},
+struct request {
+    const char *run_dir; /* NULL: the default */
+    bool json;
+};
+
+static const struct usage_option options[] = {
+    {"json", USAGE_FLAG(struct request, json)},
+    {"run-dir", USAGE_TEXT(struct request, run_dir)},
+    {.name = NULL},
 };
 
 static json_t *census_json(const struct census *c, const struct census_node *one)
@@ -335,7 +339,7 @@ static int print(const struct census *c, const struct census_node *one,
     return EXIT_FAILED;
 }
 
-static int run(const char *node, const char *asked_dir, bool json)
+static int run(const char *node, const struct request *q)
 {
     char run_dir[RUNDIR_SIZE];
     struct error why = {""};
@@ -343,7 +347,7 @@ static int run(const char *node, const char *asked_dir, bool json)
     struct census_config cfg = {
         .run_dir = run_dir, .node = node, .rates = true, .stop = interrupt_requested};
 
-    if (rundir_name(run_dir, asked_dir, &why) || rundir_check(run_dir, &why)) {
+    if (rundir_name(run_dir, q->run_dir, &why) || rundir_check(run_dir, &why)) {
         fprintf(stderr, "anlos node: %s\n", why.text);
         return EXIT_BAD_INPUT;
     }
@@ -355,29 +359,24 @@ static int run(const char *node, const char *asked_dir, bool json)
         fprintf(stderr, "anlos node: %s\n", why.text);
         return EXIT_FAILED;
     }
-    int code = print(c, node ? census_find(c, node) : NULL, run_dir, json);
+    int code = print(c, node ? census_find(c, node) : NULL, run_dir, q->json);
     census_free(c);
     return code;
 }
 
 int command_node(int argc, char **argv)
 {
-    const char *run_dir = NULL;
-    struct usage usage = {.command = "node", .help = help, .options = options};
-    bool json = false;
-    int code;
+    struct request q = {.run_dir = NULL};
+    struct usage usage = {
+        .command = "node", .help = help, .options = options, .into = &q};
+    int code = usage_next(&usage, argc, argv);
 
-    while ((code = usage_next(&usage, argc, argv)) > 0)
-        if (code == 'j')
-            json = true;
-        else
-            run_dir = optarg;
     if (code)
         return ~code;
     const char *verb = optind < argc ? argv[optind] : "";
     int n_names = argc - optind - 1;
     if (!strcmp(verb, "list") && n_names == 0)
-        return run(NULL, run_dir, json);
+        return run(NULL, &q);
     if (strcmp(verb, "info"))
         return usage_error("node", "%s%sexpected list or info NODE", verb,
                            *verb ? ": " : "");
@@ -390,5 +389,5 @@ int command_node(int argc, char **argv)
     if (!topics_have_node(argv[optind + 1]))
         return usage_error("node", "%s: no such node; 'anlos node list' has their names",
                            argv[optind + 1]);
-    return run(argv[optind + 1], run_dir, json);
+    return run(argv[optind + 1], &q);
 }

@@ -68,16 +68,6 @@ static const char help[] =
     "\n"
     "exit codes: 0 done; 1 there is no such way, or failed; 2 bad arguments or file\n";
 
-static const struct option options[] = {
-    {"survey", required_argument, NULL, 's'},   {"scene", required_argument, NULL, 'S'},
-    {"rig", required_argument, NULL, 'r'},      {"time-s", required_argument, NULL, 't'},
-    {"error-cm", required_argument, NULL, 'e'}, {"snr-db", required_argument, NULL, 'n'},
-    {"at", required_argument, NULL, 'a'},       {"far-m", required_argument, NULL, 'f'},
-    {"stage", required_argument, NULL, 'g'},    {"reach", required_argument, NULL, 'R'},
-    {"out", required_argument, NULL, 'o'},      {"threads", required_argument, NULL, 'T'},
-    {"help", no_argument, NULL, 'h'},           {NULL, 0, NULL, 0},
-};
-
 struct request {
     const char *path, *out; /* out: NULL: nowhere */
     int kind;               /* 's' a survey, 'S' a scene, 'r' a rig */
@@ -85,6 +75,22 @@ struct request {
     double far_m; /* 0: the gate's */
     bool has_at;
     size_t threads;
+};
+
+static const struct usage_option options[] = {
+    {"survey", USAGE_VALUE('s')},
+    {"scene", USAGE_VALUE('S')},
+    {"rig", USAGE_VALUE('r')},
+    {"time-s", USAGE_VALUE('t')},
+    {"error-cm", USAGE_VALUE('e')},
+    {"snr-db", USAGE_VALUE('n')},
+    {"at", USAGE_VALUE('a')},
+    {"far-m", USAGE_VALUE('f')},
+    {"stage", USAGE_VALUE('g')},
+    {"reach", USAGE_VALUE('R')},
+    {"out", USAGE_TEXT(struct request, out)},
+    {"threads", USAGE_COUNT(struct request, threads, 1, MAX_THREADS)},
+    {.name = NULL},
 };
 
 /* 0, or an exit code. */
@@ -140,11 +146,6 @@ static int take_option(struct request *q, int code)
         return take_stage(&q->plan.stage, optarg);
     case 'R':
         return take_reach(&q->plan.stage, optarg);
-    case 'o':
-        q->out = optarg;
-        return 0;
-    case 'T':
-        return usage_take_count("plan", "threads", optarg, 1, MAX_THREADS, &q->threads);
     default:
         if (q->path)
             return usage_error("plan", "expected one of --survey, --scene and --rig");
@@ -519,11 +520,12 @@ static int run(struct request *q)
 
 int command_plan(int argc, char **argv)
 {
-    struct usage usage = {.command = "plan", .help = help, .options = options};
     struct request q = {.plan = {.stage = {0.2, 0.5, 0.15, {-0.05, 2.0}},
                                  .time_s = INFINITY,
                                  .snr_db = INFINITY},
                         .threads = usage_default_threads()};
+    struct usage usage = {
+        .command = "plan", .help = help, .options = options, .into = &q};
     int code;
 
     while ((code = usage_next(&usage, argc, argv)) > 0)

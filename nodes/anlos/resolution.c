@@ -41,11 +41,10 @@ static const char help[] =
     "\n"
     "exit codes: 0 done; 1 failed; 2 bad arguments or survey\n";
 
-static const struct option options[] = {
-    {"survey", required_argument, NULL, 's'},
-    {"out", required_argument, NULL, 'o'},
-    {"help", no_argument, NULL, 'h'},
-    {NULL, 0, NULL, 0},
+static const struct usage_option options[] = {
+    {"survey", USAGE_VALUE('s')},
+    {"out", USAGE_VALUE('o')},
+    {.name = NULL},
 };
 
 struct subject {

@@ -338,11 +338,10 @@ static const char help[] =
     "exit codes: 0 done; 1 failed (no memory, full disk); 2 bad arguments or scene;\n"
     "130 stopped by Ctrl-C, nothing written\n";
 
-static const struct option options[] = {
-    {"out", required_argument, NULL, 'o'},
-    {"threads", required_argument, NULL, 't'},
-    {"help", no_argument, NULL, 'h'},
-    {NULL, 0, NULL, 0},
+static const struct usage_option options[] = {
+    {"out", USAGE_TEXT(struct sim_options, out)},
+    {"threads", USAGE_COUNT(struct sim_options, threads, 1, MAX_THREADS)},
+    {.name = NULL},
 };
 
 /* As a word of a shell's command line. */
@@ -380,18 +379,11 @@ int command_sim(int argc, char **argv)
 {
     struct sim_options o = {.threads = usage_default_threads(),
                             .progress = isatty(STDERR_FILENO)};
-    struct usage usage = {.command = "sim", .help = help, .options = options};
+    struct usage usage = {.command = "sim", .help = help, .options = options, .into = &o};
     struct error why = {0};
     bool bad_input = false;
-    int code;
+    int code = usage_next(&usage, argc, argv);
 
-    while ((code = usage_next(&usage, argc, argv)) > 0) {
-        if (code == 'o')
-            o.out = optarg;
-        else if (usage_count(optarg, 1, MAX_THREADS, &o.threads))
-            return usage_error("sim", "--threads %s: expected a number from 1 to %d",
-                               optarg, MAX_THREADS);
-    }
     if (code)
         return ~code;
     if (optind == argc)

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "nodes/anlos/usage.h"
 
+#include <assert.h>
 #include <errno.h>
 #include <jansson.h>
 #include <math.h>
@@ -102,51 +103,6 @@ const char *usage_nearest(const char *word, const char *const *names)
     return s.best;
 }
 
-static const char *nearest_option(const char *word, size_t n,
-                                  const struct option *options)
-{
-    struct nearest s = nearest_begin(word, n, 3);
-    for (; options->name; options++)
-        nearest_try(&s, options->name);
-    return s.best;
-}
-
-int usage_option_error(const char *command, int code, char **argv,
-                       const struct option *options)
-{
-    const char *at = argv[optind - 1];
-    if (code == ':')
-        return usage_error(command, "%s: expected a value after it", at);
-    if (strncmp(at, "--", 2))
-        return usage_error(command, "-%c: no such option", optopt);
-    size_t n = strcspn(at + 2, "=");
-    for (const struct option *o = options; o->name; o++)
-        if (strlen(o->name) == n && !strncmp(o->name, at + 2, n))
-            return usage_error(command, "--%s: takes no value", o->name);
-    const char *near = nearest_option(at + 2, n, options);
-    if (near)
-        return usage_error(command, "%.*s: no such option; did you mean --%s?",
-                           (int)n + 2, at, near);
-    return usage_error(command, "%.*s: no such option", (int)n + 2, at);
-}
-
-int usage_next(struct usage *u, int argc, char **argv)
-{
-    opterr = 0;
-    if (!u->begun)
-        optind = 1;
-    u->begun = true;
-    int code = getopt_long(argc, argv, u->short_options ? u->short_options : ":h",
-                           u->options, NULL);
-    if (code == -1)
-        return 0;
-    if (code == 'h')
-        return ~(fputs(u->help, stdout) < 0 ? EXIT_FAILED : EXIT_WORKED);
-    if (code == '?' || code == ':')
-        return ~usage_option_error(u->command, code, argv, u->options);
-    return code;
-}
-
 int usage_count(const char *text, size_t min, size_t max, size_t *out)
 {
     char *end;
@@ -160,13 +116,106 @@ int usage_count(const char *text, size_t min, size_t max, size_t *out)
     return 0;
 }
 
-int usage_take_count(const char *command, const char *option, const char *text,
-                     size_t min, size_t max, size_t *out)
+/* -- options ----------------------------------------------------------------------------
+ */
+
+enum { MOST_OPTIONS = 32, FIRST = 256 }; /* of getopt_long's codes, above all letters */
+
+/* As getopt_long takes them, with --help at the end. */
+static void make_table(const struct usage *u, struct option out[MOST_OPTIONS + 2],
+                       char letters[2 * MOST_OPTIONS + 4])
 {
-    return usage_count(text, min, max, out)
-               ? usage_error(command, "--%s %s: expected a number from %zu to %zu",
-                             option, text, min, max)
-               : 0;
+    size_t n = 0;
+
+    letters += sprintf(letters, "%s:h", u->words ? "-" : "");
+    for (const struct usage_option *o = u->options; o->name; o++) {
+        assert(n < MOST_OPTIONS);
+        bool bare = o->kind == USAGE_IS_SWITCH || o->kind == USAGE_IS_FLAG;
+        if (o->letter)
+            letters += sprintf(letters, "%c%s", o->letter, bare ? "" : ":");
+        out[n] = (struct option){o->name, bare ? no_argument : required_argument, NULL,
+                                 FIRST + (int)n};
+        n++;
+    }
+    out[n++] = (struct option){"help", no_argument, NULL, 'h'};
+    out[n] = (struct option){0};
+}
+
+static int wrong_option(const char *command, int code, char **argv,
+                        const struct option *options)
+{
+    const char *at = argv[optind - 1];
+    if (code == ':')
+        return usage_error(command, "%s: expected a value after it", at);
+    if (strncmp(at, "--", 2))
+        return usage_error(command, "-%c: no such option", optopt);
+    size_t n = strcspn(at + 2, "=");
+    struct nearest s = nearest_begin(at + 2, n, 3);
+    for (const struct option *o = options; o->name; o++) {
+        if (strlen(o->name) == n && !strncmp(o->name, at + 2, n))
+            return usage_error(command, "--%s: takes no value", o->name);
+        nearest_try(&s, o->name);
+    }
+    if (s.best)
+        return usage_error(command, "%.*s: no such option; did you mean --%s?",
+                           (int)n + 2, at, s.best);
+    return usage_error(command, "%.*s: no such option", (int)n + 2, at);
+}
+
+/* 0, or an exit code. */
+static int keep(const struct usage *u, const struct usage_option *o)
+{
+    char *to = (char *)u->into + o->at;
+    const bool yes = true;
+    size_t n;
+
+    if (o->kind == USAGE_IS_FLAG)
+        memcpy(to, &yes, sizeof yes);
+    if (o->kind == USAGE_IS_TEXT)
+        memcpy(to, &optarg, sizeof optarg);
+    if (o->kind != USAGE_IS_COUNT)
+        return 0;
+    if (usage_count(optarg, o->min, o->max, &n))
+        return usage_error(u->command, "--%s %s: expected a number from %zu to %zu",
+                           o->name, optarg, o->min, o->max);
+    memcpy(to, &n, sizeof n);
+    return 0;
+}
+
+static int print_help(const struct usage *u)
+{
+    bool failed = u->print_help ? u->print_help(stdout) != 0 : fputs(u->help, stdout) < 0;
+    return failed ? EXIT_FAILED : EXIT_WORKED;
+}
+
+int usage_next(struct usage *u, int argc, char **argv)
+{
+    struct option table[MOST_OPTIONS + 2];
+    char letters[2 * MOST_OPTIONS + 4];
+    int code, wrong = 0;
+
+    make_table(u, table, letters);
+    opterr = 0;
+    if (!u->begun)
+        optind = 1;
+    u->begun = true;
+    while (!wrong && (code = getopt_long(argc, argv, letters, table, NULL)) != -1) {
+        const struct usage_option *o = u->options;
+        if (code == 'h')
+            return ~print_help(u);
+        if (code == '?' || code == ':')
+            return ~wrong_option(u->command, code, argv, table);
+        if (code == 1)
+            return code;
+        if (code >= FIRST)
+            o += code - FIRST;
+        while (code < FIRST && o->letter != code)
+            o++;
+        if (o->kind == USAGE_IS_SWITCH || o->kind == USAGE_IS_VALUE)
+            return o->code;
+        wrong = keep(u, o);
+    }
+    return wrong ? ~wrong : 0;
 }
 
 int usage_positive(const char *text, double *out)

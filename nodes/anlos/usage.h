@@ -3,7 +3,7 @@
 #ifndef ANLOS_NODES_ANLOS_USAGE_H
 #define ANLOS_NODES_ANLOS_USAGE_H
 
-#include <getopt.h>
+#include <getopt.h> /* optarg, optind */
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdio.h>
@@ -39,32 +39,51 @@ bool usage_is_read(void);
 /* The same of standard output that failed with a negative errno. */
 int usage_unwritten(const char *command, int err);
 
+/* An option: --help is one of every command, and not in its table. */
+struct usage_option {
+    const char *name; /* NULL: the end of the table */
+    enum usage_kind {
+        USAGE_IS_SWITCH, /* without a value; its code is returned */
+        USAGE_IS_VALUE,  /* with one */
+        USAGE_IS_FLAG,   /* kept: bool, which becomes true */
+        USAGE_IS_TEXT,   /* const char *, borrowed from argv */
+        USAGE_IS_COUNT   /* size_t */
+    } kind;
+    int code;
+    size_t at;       /* where it is kept in the struct that usage.into points to */
+    size_t min, max; /* of a count */
+    char letter;     /* its short form; 0: none */
+};
+
+#define USAGE_SWITCH(c)         .kind = USAGE_IS_SWITCH, .code = (c)
+#define USAGE_VALUE(c)          .kind = USAGE_IS_VALUE, .code = (c)
+#define USAGE_FLAG(type, field) USAGE_KEPT(FLAG, type, field, bool)
+#define USAGE_TEXT(type, field) USAGE_KEPT(TEXT, type, field, const char *)
+#define USAGE_COUNT(type, field, least, most)                                            \
+    USAGE_KEPT(COUNT, type, field, size_t), .min = (least), .max = (most)
+#define USAGE_KEPT(what, type, field, c) /* nothing else compiles than what it is */     \
+    .kind = USAGE_IS_##what,                                                             \
+    .at = offsetof(type, field) + _Generic(((type *)0)->field, c : 0)
+
 struct usage {
     const char *command, *help;
-    const struct option *options;
-    const char *short_options; /* as getopt's, with 'h'; NULL: ":h" */
+    const struct usage_option *options;
+    void *into;                  /* NULL: none is kept */
+    int (*print_help)(FILE *to); /* in place of help: 0, or it could not be written */
+    bool words;                  /* code 1: optarg is no option; else they follow */
     bool begun;
 };
 
-/* The val of the next option, with optarg; 0: no more, optind stands at what follows.
- * Prints the help of 'h' and what is wrong with an option itself: then it is ~exit code,
- * below 0. */
+/* The code of the next option that is not kept, with optarg; 0: no more, optind stands at
+ * what follows.  Prints the help and what is wrong with an option itself: then it is
+ * ~exit code, below 0. */
 int usage_next(struct usage *u, int argc, char **argv);
-
-/* For getopt_long's '?' and ':' with opterr = 0: says what is wrong with the argument it
- * stands at, and which option is spelled nearly so.  Returns EXIT_BAD_INPUT. */
-int usage_option_error(const char *command, int code, char **argv,
-                       const struct option *options);
 
 /* Of names[], NULL at its end, the one that was probably meant; NULL: none is near. */
 const char *usage_nearest(const char *word, const char *const *names);
 
 /* A whole number from min to max.  0, -EINVAL. */
 int usage_count(const char *text, size_t min, size_t max, size_t *out);
-
-/* The same of an option's value: says what is wrong with it.  0, EXIT_BAD_INPUT. */
-int usage_take_count(const char *command, const char *option, const char *text,
-                     size_t min, size_t max, size_t *out);
 
 /* A number above 0.  0, -EINVAL. */
 int usage_positive(const char *text, double *out);

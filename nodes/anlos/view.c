@@ -56,16 +56,6 @@ static const char help[] =
     "by\n"
     "Ctrl-C\n";
 
-static const struct option options[] = {
-    {"bag", required_argument, NULL, 'b'},
-    {"port", required_argument, NULL, 'p'},
-    {"address", required_argument, NULL, 'a'},
-    {"run-dir", required_argument, NULL, 'r'},
-    {"save", no_argument, NULL, 's'},
-    {"help", no_argument, NULL, 'h'},
-    {NULL, 0, NULL, 0},
-};
-
 static int64_t now_ns(void)
 {
     return clock_now_ns(clock_system());
@@ -172,50 +162,41 @@ static int serve(struct viewer_config *cfg, const char *asked, bool saves)
     }
 }
 
-static int take_option(struct viewer_config *cfg, const char **run_dir, bool *saves,
-                       int code)
-{
-    size_t port;
+struct request {
+    struct viewer_config viewer;
+    const char *run_dir; /* NULL: the default */
+    bool saves;
+};
 
-    switch (code) {
-    case 's':
-        *saves = true;
-        return 0;
-    case 'b':
-        cfg->bag = optarg;
-        return 0;
-    case 'p':
-        if (usage_count(optarg, 0, 65535, &port))
-            return usage_error("view", "--port %s: expected 0 to 65535", optarg);
-        cfg->port = (unsigned)port;
-        return 0;
-    case 'a':
-        cfg->address = optarg;
-        return 0;
-    default:
-        *run_dir = optarg;
-        return 0;
-    }
-}
+static const struct usage_option options[] = {
+    {"bag", USAGE_TEXT(struct request, viewer.bag)},
+    {"port", USAGE_VALUE('p')},
+    {"address", USAGE_TEXT(struct request, viewer.address)},
+    {"run-dir", USAGE_TEXT(struct request, run_dir)},
+    {"save", USAGE_FLAG(struct request, saves)},
+    {.name = NULL},
+};
 
 int command_view(int argc, char **argv)
 {
-    struct viewer_config cfg = {.address = VIEWER_ADDRESS, .port = VIEWER_PORT};
-    const char *run_dir = NULL;
-    bool saves = false;
-    struct usage usage = {.command = "view", .help = help, .options = options};
+    struct request q = {.viewer = {.address = VIEWER_ADDRESS, .port = VIEWER_PORT}};
+    struct usage usage = {
+        .command = "view", .help = help, .options = options, .into = &q};
+    size_t port;
     int code;
 
-    while ((code = usage_next(&usage, argc, argv)) > 0)
-        if ((code = take_option(&cfg, &run_dir, &saves, code)) != 0)
-            return code;
+    while ((code = usage_next(&usage, argc, argv)) > 0) {
+        if (usage_count(optarg, 0, 65535, &port))
+            return usage_error("view", "--port %s: expected 0 to 65535", optarg);
+        q.viewer.port = (unsigned)port;
+    }
     if (code)
         return ~code;
     if (optind < argc)
         return usage_error("view", "%s: expected options only; a bag is named by --bag",
                            argv[optind]);
-    cfg.may_mark = saves;
+    q.viewer.may_mark = q.saves;
     interrupt_catch();
     heap_share();
-    return serve(&cfg, run_dir, saves && !cfg.bag);
+    return serve(&q.viewer, q.run_dir, q.saves && !q.viewer.bag);
 }

@@ -227,11 +227,14 @@ static const char help[] =
     "what\n"
     "was done until then is written\n";
 
-static const struct option options[] = {
-    {"methods", required_argument, NULL, 'm'}, {"seeds", required_argument, NULL, 'n'},
-    {"threads", required_argument, NULL, 't'}, {"firing", required_argument, NULL, 'f'},
-    {"out", required_argument, NULL, 'o'},     {"quick", no_argument, NULL, 'q'},
-    {"help", no_argument, NULL, 'h'},          {NULL, 0, NULL, 0},
+static const struct usage_option options[] = {
+    {"methods", USAGE_TEXT(struct detection_options, methods)},
+    {"seeds", USAGE_COUNT(struct detection_options, seeds, 1, MAX_SEEDS)},
+    {"threads", USAGE_COUNT(struct detection_options, threads, 1, MAX_THREADS)},
+    {"firing", USAGE_VALUE('f')},
+    {"out", USAGE_VALUE('o')},
+    {"quick", USAGE_FLAG(struct detection_options, quick)},
+    {.name = NULL},
 };
 
 /* 0, or an exit code. */
@@ -254,31 +257,17 @@ static int take_firing(struct detection_options *o, const char *text)
 /* 0, or an exit code. */
 static int take_option(struct detection_options *o, int code)
 {
-    switch (code) {
-    case 'm':
-        o->methods = optarg;
-        return 0;
-    case 'n':
-        return usage_take_count("bench detection", "seeds", optarg, 1, MAX_SEEDS,
-                                &o->seeds);
-    case 't':
-        return usage_take_count("bench detection", "threads", optarg, 1, MAX_THREADS,
-                                &o->threads);
-    case 'f':
+    if (code == 'f')
         return take_firing(o, optarg);
-    case 'o':
-        o->out = optarg;
-        return *optarg ? 0 : usage_error("bench detection", "--out: expected a folder");
-    default:
-        o->quick = true;
-        return 0;
-    }
+    o->out = optarg;
+    return *optarg ? 0 : usage_error("bench detection", "--out: expected a folder");
 }
 
 int main(int argc, char **argv)
 {
-    struct usage usage = {.command = "bench detection", .help = help, .options = options};
     struct detection_options o = {.out = "out/bench", .threads = usage_default_threads()};
+    struct usage usage = {
+        .command = "bench detection", .help = help, .options = options, .into = &o};
     struct error why = {""};
     int code;
 

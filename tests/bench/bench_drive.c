@@ -344,59 +344,37 @@ static const char help[] =
     "what\n"
     "was done until then is written\n";
 
-static const struct option options[] = {
-    {"scenes", required_argument, NULL, 's'},
-    {"launch", required_argument, NULL, 'l'},
-    {"seeds", required_argument, NULL, 'n'},
-    {"hours", required_argument, NULL, 'H'},
-    {"rounds", required_argument, NULL, 'r'},
-    {"jobs", required_argument, NULL, 'j'},
-    {"threads", required_argument, NULL, 't'},
-    {"out", required_argument, NULL, 'o'},
-    {"quick", no_argument, NULL, 'q'},
-    {"help", no_argument, NULL, 'h'},
-    {NULL, 0, NULL, 0},
+static const struct usage_option options[] = {
+    {"scenes", USAGE_TEXT(struct drive_options, scenes)},
+    {"launch", USAGE_TEXT(struct drive_options, launch)},
+    {"seeds", USAGE_COUNT(struct drive_options, seeds, 1, MAX_DRIVES)},
+    {"hours", USAGE_VALUE('H')},
+    {"rounds", USAGE_COUNT(struct drive_options, rounds, 1, MAX_DRIVES)},
+    {"jobs", USAGE_COUNT(struct drive_options, jobs, 1, MAX_THREADS)},
+    {"threads", USAGE_COUNT(struct drive_options, threads, 1, MAX_THREADS)},
+    {"out", USAGE_VALUE('o')},
+    {"quick", USAGE_FLAG(struct drive_options, quick)},
+    {.name = NULL},
 };
 
 /* 0, or an exit code. */
 static int take_option(struct drive_options *o, int code)
 {
-    switch (code) {
-    case 's':
-        o->scenes = optarg;
-        return 0;
-    case 'l':
-        o->launch = optarg;
-        return 0;
-    case 'n':
-        return usage_take_count("bench drive", "seeds", optarg, 1, MAX_DRIVES, &o->seeds);
-    case 'H':
+    if (code == 'H')
         return usage_positive(optarg, &o->hours)
                    ? usage_error("bench drive", "--hours %s: expected hours above 0",
                                  optarg)
                    : 0;
-    case 'r':
-        return usage_take_count("bench drive", "rounds", optarg, 1, MAX_DRIVES,
-                                &o->rounds);
-    case 'j':
-        return usage_take_count("bench drive", "jobs", optarg, 1, MAX_THREADS, &o->jobs);
-    case 't':
-        return usage_take_count("bench drive", "threads", optarg, 1, MAX_THREADS,
-                                &o->threads);
-    case 'o':
-        o->out = optarg;
-        return *optarg ? 0 : usage_error("bench drive", "--out: expected a folder");
-    default:
-        o->quick = true;
-        return 0;
-    }
+    o->out = optarg;
+    return *optarg ? 0 : usage_error("bench drive", "--out: expected a folder");
 }
 
 int main(int argc, char **argv)
 {
-    struct usage usage = {.command = "bench drive", .help = help, .options = options};
     struct drive_options o = {
         .out = "out/bench", .threads = 1, .rounds = 1, .jobs = usage_default_threads()};
+    struct usage usage = {
+        .command = "bench drive", .help = help, .options = options, .into = &o};
     struct error why = {""};
     int code;
 

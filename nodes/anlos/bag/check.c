@@ -27,9 +27,8 @@ static const char check_help[] =
     "stopped\n"
     "by Ctrl-C\n";
 
-static const struct option check_options[] = {
-    {"help", no_argument, NULL, 'h'},
-    {NULL, 0, NULL, 0},
+static const struct usage_option check_options[] = {
+    {.name = NULL},
 };
 
 static void print_fault(void *context, uint64_t offset, const char *what)
@@ -89,10 +88,9 @@ static const char recover_help[] =
     "files;\n"
     "130 stopped by Ctrl-C (no OUT then)\n";
 
-static const struct option recover_options[] = {
-    {"out", required_argument, NULL, 'o'},
-    {"help", no_argument, NULL, 'h'},
-    {NULL, 0, NULL, 0},
+static const struct usage_option recover_options[] = {
+    {"out", USAGE_VALUE('o'), .letter = 'o'},
+    {.name = NULL},
 };
 
 static void print_damage(void *context, uint64_t begin, uint64_t end, const char *what)
@@ -166,10 +164,8 @@ static int recover(char *from, const char *to)
 
 int bag_recover_command(int argc, char **argv)
 {
-    struct usage usage = {.command = "bag recover",
-                          .help = recover_help,
-                          .options = recover_options,
-                          .short_options = ":ho:"};
+    struct usage usage = {
+        .command = "bag recover", .help = recover_help, .options = recover_options};
     const char *out = NULL;
     int code;
 

@@ -578,11 +578,14 @@ static const char help[] =
     "files,\n"
     "or nothing of that is in the bag; 130 stopped by Ctrl-C (no OUT then)\n";
 
-static const struct option options[] = {
-    {"format", required_argument, NULL, 'f'}, {"out", required_argument, NULL, 'o'},
-    {"topic", required_argument, NULL, 't'},  {"scan", required_argument, NULL, 's'},
-    {"full", no_argument, NULL, 'u'},         {"scenes", required_argument, NULL, 'c'},
-    {"help", no_argument, NULL, 'h'},         {NULL, 0, NULL, 0},
+static const struct usage_option options[] = {
+    {"format", USAGE_VALUE('f')},
+    {"out", USAGE_TEXT(struct export_options, out), .letter = 'o'},
+    {"topic", USAGE_VALUE('t')},
+    {"scan", USAGE_VALUE('s')},
+    {"full", USAGE_FLAG(struct export_options, full)},
+    {"scenes", USAGE_TEXT(struct export_options, scene)},
+    {.name = NULL},
 };
 
 struct format {
@@ -660,22 +663,13 @@ static int take_option(struct export_options *o, const struct format **f, int co
                            "--format %s: expected wav, csv, json, nrrd, png, "
                            "foxglove or osi",
                            optarg);
-    case 'o':
-        o->out = optarg;
-        return 0;
     case 't':
         return verb_add_patterns("bag export", optarg, o->topics_room, &o->topics);
-    case 's':
+    default:
         if (!usage_count(optarg, 1, UINT32_MAX, &o->scan))
             return 0;
         return usage_error("bag export", "--scan %s: expected a whole number above 0",
                            optarg);
-    case 'c':
-        o->scene = optarg;
-        return 0;
-    default:
-        o->full = true;
-        return 0;
     }
 }
 
@@ -704,10 +698,8 @@ int bag_export(int argc, char **argv)
 {
     struct export_options o = {.file = NULL};
     const struct format *format = NULL;
-    struct usage usage = {.command = "bag export",
-                          .help = help,
-                          .options = options,
-                          .short_options = ":ho:"};
+    struct usage usage = {
+        .command = "bag export", .help = help, .options = options, .into = &o};
     int code;
 
     while ((code = usage_next(&usage, argc, argv)) > 0)

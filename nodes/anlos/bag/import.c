@@ -816,14 +816,13 @@ static const char help[] =
     "OUT\n"
     "then)\n";
 
-static const struct option options[] = {
-    {"out", required_argument, NULL, 'o'},
-    {"survey", required_argument, NULL, 's'},
-    {"background", required_argument, NULL, 'b'},
-    {"ego", required_argument, NULL, 'e'},
-    {"compression", required_argument, NULL, 'c'},
-    {"help", no_argument, NULL, 'h'},
-    {NULL, 0, NULL, 0},
+static const struct usage_option options[] = {
+    {"out", USAGE_TEXT(struct import_options, out), .letter = 'o'},
+    {"survey", USAGE_TEXT(struct import_options, survey)},
+    {"background", USAGE_TEXT(struct import_options, background)},
+    {"ego", USAGE_TEXT(struct import_options, ego)},
+    {"compression", USAGE_VALUE('c')},
+    {.name = NULL},
 };
 
 static bool is_mat(const char *path)
@@ -849,37 +848,15 @@ static int run(const struct import_options *o)
     return usage_flush("bag import");
 }
 
-static int take_option(struct import_options *o, int code)
-{
-    switch (code) {
-    case 'o':
-        o->out = optarg;
-        return 0;
-    case 's':
-        o->survey = optarg;
-        return 0;
-    case 'b':
-        o->background = optarg;
-        return 0;
-    case 'e':
-        o->ego = optarg;
-        return 0;
-    default:
-        return verb_take_compression("bag import", optarg, &o->compression);
-    }
-}
-
 int bag_import(int argc, char **argv)
 {
     struct import_options o = {.compression = BAG_ZSTD};
-    struct usage usage = {.command = "bag import",
-                          .help = help,
-                          .options = options,
-                          .short_options = ":ho:"};
+    struct usage usage = {
+        .command = "bag import", .help = help, .options = options, .into = &o};
     int code;
 
     while ((code = usage_next(&usage, argc, argv)) > 0)
-        if ((code = take_option(&o, code)) != 0)
+        if ((code = verb_take_compression("bag import", optarg, &o.compression)) != 0)
             return code;
     if (code)
         return ~code;

@@ -527,10 +527,9 @@ static const char help[] =
     "stopped\n"
     "by Ctrl-C\n";
 
-static const struct option options[] = {
-    {"json", no_argument, NULL, 'j'},
-    {"help", no_argument, NULL, 'h'},
-    {NULL, 0, NULL, 0},
+static const struct usage_option options[] = {
+    {"json", USAGE_SWITCH('j')},
+    {.name = NULL},
 };
 
 static int print(const char *path, bool json)

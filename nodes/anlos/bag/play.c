@@ -210,25 +210,24 @@ static const char help[] =
     "stopped\n"
     "by Ctrl-C\n";
 
-static const struct option options[] = {
-    {"rate", required_argument, NULL, 'a'},
-    {"loop", no_argument, NULL, 'l'},
-    {"start", required_argument, NULL, 's'},
-    {"end", required_argument, NULL, 'e'},
-    {"topics", required_argument, NULL, 't'},
-    {"exclude", required_argument, NULL, 'x'},
-    {"remap", required_argument, NULL, 'm'},
-    {"paused", no_argument, NULL, 'p'},
-    {"run-dir", required_argument, NULL, 'r'},
-    {"help", no_argument, NULL, 'h'},
-    {NULL, 0, NULL, 0},
-};
-
 struct request {
     struct playback_config play;
     struct arguments arguments;
     char topics_room[VERB_PATTERNS], exclude_room[VERB_PATTERNS];
     char remap_room[VERB_PATTERNS];
+};
+
+static const struct usage_option options[] = {
+    {"rate", USAGE_VALUE('a')},
+    {"loop", USAGE_FLAG(struct request, play.loop)},
+    {"start", USAGE_VALUE('s')},
+    {"end", USAGE_VALUE('e')},
+    {"topics", USAGE_VALUE('t')},
+    {"exclude", USAGE_VALUE('x')},
+    {"remap", USAGE_VALUE('m')},
+    {"paused", USAGE_FLAG(struct request, play.paused)},
+    {"run-dir", USAGE_TEXT(struct request, arguments.run_dir)},
+    {.name = NULL},
 };
 
 static int take_seconds(const char *name, double *out)
@@ -246,9 +245,6 @@ static int take_option(struct request *r, int code)
             return 0;
         return usage_error("bag play", "--rate %s: expected max, or 0.001 to 1000000",
                            optarg);
-    case 'l':
-        r->play.loop = true;
-        return 0;
     case 's':
         return take_seconds("start", &r->play.bag_iterator.start_s);
     case 'e':
@@ -257,15 +253,9 @@ static int take_option(struct request *r, int code)
         return verb_add_patterns("bag play", optarg, r->topics_room, &r->play.topics);
     case 'x':
         return verb_add_patterns("bag play", optarg, r->exclude_room, &r->play.exclude);
-    case 'm':
+    default:
         return verb_add_patterns("bag play", optarg, r->remap_room,
                                  &r->play.bag_iterator.remap);
-    case 'p':
-        r->play.paused = true;
-        return 0;
-    default:
-        r->arguments.run_dir = optarg;
-        return 0;
     }
 }
 
@@ -323,7 +313,8 @@ int bag_play(int argc, char **argv)
                                  .window = 32,
                                  .timeout_s = 5.0},
                         .arguments = {.replay = true, .log_level = LOG_LEVEL_WARNING}};
-    struct usage usage = {.command = "bag play", .help = help, .options = options};
+    struct usage usage = {
+        .command = "bag play", .help = help, .options = options, .into = &r};
     int code;
 
     while ((code = usage_next(&usage, argc, argv)) > 0)

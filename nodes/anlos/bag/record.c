@@ -488,25 +488,25 @@ static const char help[] =
     "arguments\n"
     "or files\n";
 
-static const struct option options[] = {
-    {"out", required_argument, NULL, 'o'},
-    {"exclude", required_argument, NULL, 'x'},
-    {"duration-s", required_argument, NULL, 'd'},
-    {"split-mb", required_argument, NULL, 'm'},
-    {"split-s", required_argument, NULL, 's'},
-    {"quota-mb", required_argument, NULL, 'q'},
-    {"compression", required_argument, NULL, 'c'},
-    {"shuffle", no_argument, NULL, 'u'},
-    {"flush-ms", required_argument, NULL, 'f'},
-    {"snapshot", required_argument, NULL, 'S'},
-    {"before-s", required_argument, NULL, 'b'},
-    {"after-s", required_argument, NULL, 'a'},
-    {"max-mb", required_argument, NULL, 'M'},
-    {"no-faults", no_argument, NULL, 'n'},
-    {"launch", required_argument, NULL, 'l'},
-    {"run-dir", required_argument, NULL, 'r'},
-    {"help", no_argument, NULL, 'h'},
-    {NULL, 0, NULL, 0},
+static const struct usage_option options[] = {
+    {"out", USAGE_TEXT(struct record_options, out), .letter = 'o'},
+    {"exclude", USAGE_VALUE('x')},
+    {"duration-s", USAGE_VALUE('d')},
+    {"split-mb", USAGE_VALUE('m')},
+    {"split-s", USAGE_VALUE('s')},
+    {"quota-mb", USAGE_VALUE('q')},
+    {"compression", USAGE_VALUE('c')},
+    {"shuffle", USAGE_FLAG(struct record_options, shuffle)},
+    {"flush-ms", USAGE_VALUE('f')},
+    {"snapshot", USAGE_TEXT(struct record_options, snapshot)},
+    {"before-s", USAGE_COUNT(struct record_options, before_s, 1, SNAPSHOT_MOST_S)},
+    {"after-s", USAGE_COUNT(struct record_options, after_s, 0, SNAPSHOT_MOST_S)},
+    {"max-mb",
+     USAGE_COUNT(struct record_options, max_mb, SNAPSHOT_LEAST_MB, SNAPSHOT_MOST_MB)},
+    {"no-faults", USAGE_FLAG(struct record_options, no_faults)},
+    {"launch", USAGE_TEXT(struct record_options, launch)},
+    {"run-dir", USAGE_TEXT(struct record_options, run_dir)},
+    {.name = NULL},
 };
 
 /* max: what still fits the integers that it becomes. */
@@ -521,9 +521,6 @@ static int take_number(const char *name, double max, double *out)
 static int take_option(struct record_options *o, int code)
 {
     switch (code) {
-    case 'o':
-        o->out = optarg;
-        return 0;
     case 'x':
         return verb_add_patterns("bag record", optarg, o->exclude_room, &o->exclude);
     case 'd':
@@ -536,32 +533,8 @@ static int take_option(struct record_options *o, int code)
         return take_number("quota-mb", 1e9, &o->quota_mb);
     case 'c':
         return verb_take_compression("bag record", optarg, &o->compression);
-    case 'u':
-        o->shuffle = true;
-        return 0;
-    case 'f':
-        return take_number("flush-ms", 3600e3, &o->flush_ms);
-    case 'S':
-        o->snapshot = optarg;
-        return 0;
-    case 'b':
-        return usage_take_count("bag record", "before-s", optarg, 1, SNAPSHOT_MOST_S,
-                                &o->before_s);
-    case 'a':
-        return usage_take_count("bag record", "after-s", optarg, 0, SNAPSHOT_MOST_S,
-                                &o->after_s);
-    case 'M':
-        return usage_take_count("bag record", "max-mb", optarg, SNAPSHOT_LEAST_MB,
-                                SNAPSHOT_MOST_MB, &o->max_mb);
-    case 'n':
-        o->no_faults = true;
-        return 0;
-    case 'l':
-        o->launch = optarg;
-        return 0;
     default:
-        o->run_dir = optarg;
-        return 0;
+        return take_number("flush-ms", 3600e3, &o->flush_ms);
     }
 }
 
@@ -605,10 +578,8 @@ int bag_record(int argc, char **argv)
                                .flush_ms = 1000.0,
                                .duration_s = INFINITY,
                                .compression = BAG_NONE};
-    struct usage usage = {.command = "bag record",
-                          .help = help,
-                          .options = options,
-                          .short_options = ":ho:"};
+    struct usage usage = {
+        .command = "bag record", .help = help, .options = options, .into = &o};
     int code;
 
     while ((code = usage_next(&usage, argc, argv)) > 0)

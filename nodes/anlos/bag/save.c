@@ -42,18 +42,17 @@ static const char help[] =
     "exit codes: 0 done; 1 failed, or nobody keeps the last seconds; 2 bad arguments;\n"
     "130 stopped by Ctrl-C (the recorder goes on)\n";
 
-static const struct option options[] = {
-    {"no-wait", no_argument, NULL, 'n'},
-    {"run-dir", required_argument, NULL, 'r'},
-    {"help", no_argument, NULL, 'h'},
-    {NULL, 0, NULL, 0},
-};
-
 struct save {
     const char *reason, *run_dir;
     struct bus *bus;
     uint64_t id;
     Anlos__SaveStatus *heard; /* the newest that names the request; NULL: none yet */
+};
+
+static const struct usage_option options[] = {
+    {"no-wait", USAGE_SWITCH('n')},
+    {"run-dir", USAGE_TEXT(struct save, run_dir)},
+    {.name = NULL},
 };
 
 static int64_t now_ns(void)
@@ -163,17 +162,14 @@ static int save(struct save *s, bool waits, struct error *why)
 int bag_save(int argc, char **argv)
 {
     struct save s = {.reason = "request"};
-    struct usage usage = {.command = "bag save", .help = help, .options = options};
+    struct usage usage = {
+        .command = "bag save", .help = help, .options = options, .into = &s};
     struct error why = {""};
     bool waits = true;
     int code;
 
-    while ((code = usage_next(&usage, argc, argv)) > 0) {
-        if (code == 'n')
-            waits = false;
-        else
-            s.run_dir = optarg;
-    }
+    while ((code = usage_next(&usage, argc, argv)) > 0)
+        waits = false;
     if (code)
         return ~code;
     if (argc - optind > 1)

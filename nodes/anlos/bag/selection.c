@@ -247,10 +247,12 @@ static const char merge_help[] =
     "OUT\n"
     "then)\n";
 
-static const struct option merge_options[] = {
-    {"out", required_argument, NULL, 'o'}, {"compression", required_argument, NULL, 'c'},
-    {"shuffle", no_argument, NULL, 'u'},   {"plain", no_argument, NULL, 'p'},
-    {"help", no_argument, NULL, 'h'},      {NULL, 0, NULL, 0},
+static const struct usage_option merge_options[] = {
+    {"out", USAGE_TEXT(struct selection, out), .letter = 'o'},
+    {"compression", USAGE_VALUE('c')},
+    {"shuffle", USAGE_SWITCH('u')},
+    {"plain", USAGE_SWITCH('p')},
+    {.name = NULL},
 };
 
 static const char filter_help[] =
@@ -281,17 +283,16 @@ static const char filter_help[] =
     "OUT\n"
     "then)\n";
 
-static const struct option filter_options[] = {
-    {"out", required_argument, NULL, 'o'},
-    {"topics", required_argument, NULL, 't'},
-    {"exclude", required_argument, NULL, 'x'},
-    {"start", required_argument, NULL, 's'},
-    {"end", required_argument, NULL, 'e'},
-    {"compression", required_argument, NULL, 'c'},
-    {"shuffle", no_argument, NULL, 'u'},
-    {"plain", no_argument, NULL, 'p'},
-    {"help", no_argument, NULL, 'h'},
-    {NULL, 0, NULL, 0},
+static const struct usage_option filter_options[] = {
+    {"out", USAGE_TEXT(struct selection, out), .letter = 'o'},
+    {"topics", USAGE_VALUE('t')},
+    {"exclude", USAGE_VALUE('x')},
+    {"start", USAGE_VALUE('s')},
+    {"end", USAGE_VALUE('e')},
+    {"compression", USAGE_VALUE('c')},
+    {"shuffle", USAGE_SWITCH('u')},
+    {"plain", USAGE_SWITCH('p')},
+    {.name = NULL},
 };
 
 static int take_seconds(const char *command, const char *name, double *out)
@@ -318,11 +319,8 @@ static int take_option(const char *command, struct selection *s, int code)
     case 'u':
         s->order = ORDER_SHUFFLED;
         return 0;
-    case 'p':
-        s->order = ORDER_PLAIN;
-        return 0;
     default:
-        s->out = optarg;
+        s->order = ORDER_PLAIN;
         return 0;
     }
 }
@@ -333,6 +331,7 @@ static int read_arguments(struct usage *u, struct selection *s, int argc, char *
     int code;
 
     *s = (struct selection){.end_s = INFINITY, .compression = BAG_ZSTD};
+    u->into = s;
     while ((code = usage_next(u, argc, argv)) > 0)
         if ((code = take_option(u->command, s, code)) != 0)
             return ~code;
@@ -345,10 +344,8 @@ static int read_arguments(struct usage *u, struct selection *s, int argc, char *
 
 int bag_merge(int argc, char **argv)
 {
-    struct usage usage = {.command = "bag merge",
-                          .help = merge_help,
-                          .options = merge_options,
-                          .short_options = ":ho:"};
+    struct usage usage = {
+        .command = "bag merge", .help = merge_help, .options = merge_options};
     struct selection_result result;
     struct error why = {""};
     struct selection s;
@@ -370,10 +367,8 @@ int bag_merge(int argc, char **argv)
 
 int bag_filter(int argc, char **argv)
 {
-    struct usage usage = {.command = "bag filter",
-                          .help = filter_help,
-                          .options = filter_options,
-                          .short_options = ":ho:"};
+    struct usage usage = {
+        .command = "bag filter", .help = filter_help, .options = filter_options};
     struct selection_result result;
     struct error why = {""};
     struct selection s;

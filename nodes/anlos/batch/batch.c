@@ -84,13 +84,6 @@ static const char help[] =
     "written, another batch is at work in it, or merge found none for a bag; 2 bad\n"
     "arguments, manifest or results; 130 stopped by Ctrl-C, what was done is kept\n";
 
-static const struct option options[] = {
-    {"out", required_argument, NULL, 'o'},     {"shard", required_argument, NULL, 's'},
-    {"jobs", required_argument, NULL, 'j'},    {"launch", required_argument, NULL, 'l'},
-    {"timeout", required_argument, NULL, 'T'}, {"scratch", required_argument, NULL, 't'},
-    {"help", no_argument, NULL, 'h'},          {NULL, 0, NULL, 0},
-};
-
 enum { MOST_JOBS = 256, MOST_SHARDS = 100000, MOST_THREADS = 256, LOOK_MS = 200 };
 enum { LOCK_TRIES = 200 }; /* in two seconds */
 enum { TIMEOUT_S = 3600, MOST_TIMEOUT_S = 30 * 24 * 3600 };
@@ -543,6 +536,16 @@ static int run(struct batch *b, struct error *why)
     return err;
 }
 
+static const struct usage_option options[] = {
+    {"out", USAGE_TEXT(struct batch, place.folder)},
+    {"shard", USAGE_VALUE('s')},
+    {"jobs", USAGE_COUNT(struct batch, jobs, 1, MOST_JOBS), .letter = 'j'},
+    {"launch", USAGE_TEXT(struct batch, place.launch)},
+    {"timeout", USAGE_COUNT(struct batch, timeout_s, 0, MOST_TIMEOUT_S)},
+    {"scratch", USAGE_TEXT(struct batch, scratch_path)},
+    {.name = NULL},
+};
+
 static int take_shard(struct batch *b, const char *text)
 {
     char first[24];
@@ -561,24 +564,11 @@ static int take_shard(struct batch *b, const char *text)
 static int take_options(struct batch *b, int argc, char **argv)
 {
     struct usage usage = {
-        .command = "batch", .help = help, .options = options, .short_options = ":hj:"};
+        .command = "batch", .help = help, .options = options, .into = b};
     int code, wrong = 0;
 
-    while (!wrong && (code = usage_next(&usage, argc, argv)) > 0) {
-        if (code == 'o')
-            b->place.folder = optarg;
-        else if (code == 'l')
-            b->place.launch = optarg;
-        else if (code == 't')
-            b->scratch_path = optarg;
-        else if (code == 's')
-            wrong = take_shard(b, optarg);
-        else if (code == 'T')
-            wrong = usage_take_count("batch", "timeout", optarg, 0, MOST_TIMEOUT_S,
-                                     &b->timeout_s);
-        else
-            wrong = usage_take_count("batch", "jobs", optarg, 1, MOST_JOBS, &b->jobs);
-    }
+    while (!wrong && (code = usage_next(&usage, argc, argv)) > 0)
+        wrong = take_shard(b, optarg);
     if (wrong || code)
         return wrong ? ~wrong : code;
     if (optind == argc)

@@ -697,19 +697,19 @@ static int merge(struct merge *m, const struct asked *a, char *const folders[], 
 
 int batch_merge(int argc, char **argv, const char *help)
 {
-    static const struct option options[] = {{"out", required_argument, NULL, 'o'},
-                                            {"manifest", required_argument, NULL, 'm'},
-                                            {"plots", required_argument, NULL, 'p'},
-                                            {"help", no_argument, NULL, 'h'},
-                                            {NULL, 0, NULL, 0}};
-    struct usage usage = {.command = "batch merge", .help = help, .options = options};
+    static const struct usage_option options[] = {
+        {"out", USAGE_TEXT(struct asked, out)},
+        {"manifest", USAGE_TEXT(struct asked, manifest)},
+        {"plots", USAGE_TEXT(struct asked, plots)},
+        {.name = NULL},
+    };
     struct asked a = {.out = NULL};
+    struct usage usage = {
+        .command = "batch merge", .help = help, .options = options, .into = &a};
     struct merge m = {.rows = NULL};
     struct error why = {""};
-    int code;
+    int code = usage_next(&usage, argc, argv);
 
-    while ((code = usage_next(&usage, argc, argv)) > 0)
-        *(code == 'o' ? &a.out : code == 'm' ? &a.manifest : &a.plots) = optarg;
     if (code)
         return ~code;
     if (optind == argc)

@@ -98,34 +98,23 @@ static const char help[] =
     "exit codes: 0 measured and good; 1 measured and bad, or failed; 2 bad arguments or\n"
     "files; 130 stopped by Ctrl-C\n";
 
-enum {
-    TEMPERATURE = 256,
-    HUMIDITY,
-    RANGE,
-    DISTANCE,
-    PAIR,
-    TAKES,
-    POSITION,
-    FIT_SPEED,
-    PLACED
-};
+enum { TEMPERATURE = 256, HUMIDITY, RANGE, DISTANCE, PAIR, TAKES, POSITION, PLACED };
 
-static const struct option options[] = {
-    {"array", required_argument, NULL, 'a'},
-    {"out", required_argument, NULL, 'o'},
-    {"stage", required_argument, NULL, 's'},
-    {"folder", required_argument, NULL, 'f'},
-    {"takes", required_argument, NULL, TAKES},
-    {"position", required_argument, NULL, POSITION},
-    {"temperature-c", required_argument, NULL, TEMPERATURE},
-    {"humidity", required_argument, NULL, HUMIDITY},
-    {"range-m", required_argument, NULL, RANGE},
-    {"distance-m", required_argument, NULL, DISTANCE},
-    {"pair", required_argument, NULL, PAIR},
-    {"placed-mm", required_argument, NULL, PLACED},
-    {"fit-speed", no_argument, NULL, FIT_SPEED},
-    {"help", no_argument, NULL, 'h'},
-    {NULL, 0, NULL, 0},
+static const struct usage_option options[] = {
+    {"array", USAGE_VALUE('a')},
+    {"out", USAGE_TEXT(struct calibrate_options, out)},
+    {"stage", USAGE_TEXT(struct calibrate_options, stage)},
+    {"folder", USAGE_TEXT(struct calibrate_options, folder)},
+    {"takes", USAGE_VALUE(TAKES)},
+    {"position", USAGE_VALUE(POSITION)},
+    {"temperature-c", USAGE_VALUE(TEMPERATURE)},
+    {"humidity", USAGE_VALUE(HUMIDITY)},
+    {"range-m", USAGE_VALUE(RANGE)},
+    {"distance-m", USAGE_VALUE(DISTANCE)},
+    {"pair", USAGE_VALUE(PAIR)},
+    {"placed-mm", USAGE_VALUE(PLACED)},
+    {"fit-speed", USAGE_FLAG(struct calibrate_options, fit_speed)},
+    {.name = NULL},
 };
 
 static int take_number(const char *name, const char *text, double min, double max,
@@ -179,18 +168,6 @@ static int take_option(struct calibrate_options *o, int code, const char *text)
     switch (code) {
     case 'a':
         return take_array(o, text);
-    case 'o':
-        o->out = text;
-        return 0;
-    case 's':
-        o->stage = text;
-        return 0;
-    case 'f':
-        o->folder = text;
-        return 0;
-    case FIT_SPEED:
-        o->fit_speed = true;
-        return 0;
     case TAKES:
         return take_count("takes", text, 1, MAX_TAKES, &o->takes);
     case POSITION:
@@ -273,7 +250,7 @@ static bool calibrate_options_parse(struct calibrate_options *o, int argc, char 
                                     int *exit_code)
 {
     struct usage usage = {
-        .command = COMMAND, .help = help, .options = options, .short_options = "-:h"};
+        .command = COMMAND, .help = help, .options = options, .into = o, .words = true};
     int code = 0;
     *o = (struct calibrate_options){.takes = 4,
                                     .placed_mm = NAN,

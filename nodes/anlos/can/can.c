@@ -344,17 +344,6 @@ static const char help[] =
     "list was cut, a line is no frame, nothing came of this sensor, or failed; 2 bad\n"
     "arguments or file; 130 stopped by Ctrl-C\n";
 
-static const struct option options[] = {
-    {"base", required_argument, NULL, 'b'},
-    {"sensor", required_argument, NULL, 's'},
-    {"id", required_argument, NULL, 'i'},
-    {"interface", required_argument, NULL, 'n'},
-    {"seconds", required_argument, NULL, 't'},
-    {"json", no_argument, NULL, 'j'},
-    {"help", no_argument, NULL, 'h'},
-    {NULL, 0, NULL, 0},
-};
-
 struct can_options {
     unsigned base;
     size_t sensor;
@@ -363,6 +352,16 @@ struct can_options {
     const char *interface;
     double seconds;
     bool json;
+};
+
+static const struct usage_option options[] = {
+    {"base", USAGE_VALUE('b')},
+    {"sensor", USAGE_VALUE('s')},
+    {"id", USAGE_VALUE('i')},
+    {"interface", USAGE_TEXT(struct can_options, interface)},
+    {"seconds", USAGE_VALUE('t')},
+    {"json", USAGE_FLAG(struct can_options, json)},
+    {.name = NULL},
 };
 
 /* Hexadecimal, with or without 0x. */
@@ -406,16 +405,10 @@ static int take_option(struct can_options *o, int code)
             return 0;
         }
         return usage_error("can", "--id %s: no more than %d", optarg, MAX_IDS);
-    case 'n':
-        o->interface = optarg;
-        return 0;
-    case 't':
+    default:
         if (!usage_positive(optarg, &o->seconds))
             return 0;
         return usage_error("can", "--seconds %s: expected a number above 0", optarg);
-    default:
-        o->json = true;
-        return 0;
     }
 }
 
@@ -535,7 +528,7 @@ static int decode(struct decode *d, const char *source)
 int command_can(int argc, char **argv)
 {
     struct can_options o = {.base = CAN_BASE_DEFAULT};
-    struct usage usage = {.command = "can", .help = help, .options = options};
+    struct usage usage = {.command = "can", .help = help, .options = options, .into = &o};
     struct decode d = {0};
     int code;
 

@@ -46,10 +46,12 @@ static const char help[] =
     "exit codes: 0 nothing is wrong; 1 something is; 2 bad arguments; 130 stopped by\n"
     "Ctrl-C\n";
 
-static const struct option options[] = {
-    {"launch", required_argument, NULL, 'l'}, {"host", required_argument, NULL, 'o'},
-    {"json", no_argument, NULL, 'j'},         {"run-dir", required_argument, NULL, 'r'},
-    {"help", no_argument, NULL, 'h'},         {NULL, 0, NULL, 0},
+static const struct usage_option options[] = {
+    {"launch", USAGE_TEXT(struct doctor, launch)},
+    {"host", USAGE_TEXT(struct doctor, host)},
+    {"json", USAGE_SWITCH('j')},
+    {"run-dir", USAGE_TEXT(struct doctor, run_dir)},
+    {.name = NULL},
 };
 
 static const struct check checks[] = {
@@ -89,24 +91,13 @@ int command_doctor(int argc, char **argv)
 {
     struct doctor d = {0};
     struct findings f = {0};
-    struct usage usage = {.command = "doctor", .help = help, .options = options};
+    struct usage usage = {
+        .command = "doctor", .help = help, .options = options, .into = &d};
     bool json = false;
     int code;
 
     while ((code = usage_next(&usage, argc, argv)) > 0)
-        switch (code) {
-        case 'j':
-            json = true;
-            break;
-        case 'l':
-            d.launch = optarg;
-            break;
-        case 'o':
-            d.host = optarg;
-            break;
-        default:
-            d.run_dir = optarg;
-        }
+        json = true;
     if (code)
         return ~code;
     if (d.host && !d.launch)

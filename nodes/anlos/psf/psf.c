@@ -269,27 +269,26 @@ static const char help[] =
 
 enum { OPTION_AT = RECON_OPTION_OTHER };
 
-static const struct option options[] = {
-    {"survey", required_argument, NULL, RECON_OPTION_SURVEY},
-    {"wav", required_argument, NULL, RECON_OPTION_WAV},
-    {"background", required_argument, NULL, RECON_OPTION_BACKGROUND},
-    {"at", required_argument, NULL, OPTION_AT},
-    {"out", required_argument, NULL, RECON_OPTION_OUT},
-    {"volume", required_argument, NULL, RECON_OPTION_VOLUME},
-    {"method", required_argument, NULL, RECON_OPTION_METHOD},
-    {"set", required_argument, NULL, RECON_OPTION_SET},
-    {"window", required_argument, NULL, RECON_OPTION_WINDOW},
-    {"compression", required_argument, NULL, RECON_OPTION_COMPRESSION},
-    {"threads", required_argument, NULL, RECON_OPTION_THREADS},
-    {"help", no_argument, NULL, 'h'},
-    {NULL, 0, NULL, 0},
-};
-
 struct request {
     struct recon_options recon;
     struct imager_options imaging;
     bool has_at;
     double at_m[3];
+};
+
+static const struct usage_option options[] = {
+    {"survey", USAGE_TEXT(struct request, recon.survey)},
+    {"wav", USAGE_TEXT(struct request, recon.wav)},
+    {"background", USAGE_TEXT(struct request, recon.background)},
+    {"at", USAGE_VALUE(OPTION_AT)},
+    {"out", USAGE_TEXT(struct request, recon.out)},
+    {"volume", USAGE_VALUE(RECON_OPTION_VOLUME)},
+    {"method", USAGE_VALUE(RECON_OPTION_METHOD)},
+    {"set", USAGE_VALUE(RECON_OPTION_SET)},
+    {"window", USAGE_VALUE(RECON_OPTION_WINDOW)},
+    {"compression", USAGE_VALUE(RECON_OPTION_COMPRESSION)},
+    {"threads", USAGE_COUNT(struct request, recon.threads, 1, RECON_MAX_THREADS)},
+    {.name = NULL},
 };
 
 static int check(const struct request *q, int argc, char **argv)
@@ -320,7 +319,7 @@ static int check(const struct request *q, int argc, char **argv)
 /* true: go on; false: end with *exit_code. */
 static bool parse(struct request *q, int argc, char **argv, int *exit_code)
 {
-    struct usage usage = {.command = "psf", .help = help, .options = options};
+    struct usage usage = {.command = "psf", .help = help, .options = options, .into = q};
     int code;
     *exit_code = 0;
     while ((code = usage_next(&usage, argc, argv)) > 0) {

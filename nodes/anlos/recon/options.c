@@ -275,34 +275,32 @@ static int recon_options_check_all(struct recon_options *o)
     return code;
 }
 
-#define MAX_THREADS 256
-#define FARTHEST_M  1000.0
-#define MOST_GOAL   1e7
+#define FARTHEST_M 1000.0
+#define MOST_GOAL  1e7
 
-static const struct option options[] = {
-    {"survey", required_argument, NULL, RECON_OPTION_SURVEY},
-    {"wav", required_argument, NULL, RECON_OPTION_WAV},
-    {"traces", required_argument, NULL, RECON_OPTION_TRACES},
-    {"volume", required_argument, NULL, RECON_OPTION_VOLUME},
-    {"confocal", required_argument, NULL, RECON_OPTION_CONFOCAL},
-    {"gate-m", required_argument, NULL, RECON_OPTION_GATE},
-    {"band-hz", required_argument, NULL, RECON_OPTION_BAND},
-    {"bag", required_argument, NULL, RECON_OPTION_BAG},
-    {"launch", required_argument, NULL, RECON_OPTION_LAUNCH},
-    {"record", no_argument, NULL, RECON_OPTION_RECORD},
-    {"no-image", no_argument, NULL, RECON_OPTION_NO_IMAGE},
-    {"background", required_argument, NULL, RECON_OPTION_BACKGROUND},
-    {"method", required_argument, NULL, RECON_OPTION_METHOD},
-    {"set", required_argument, NULL, RECON_OPTION_SET},
-    {"psf", required_argument, NULL, RECON_OPTION_PSF},
-    {"budget-ms", required_argument, NULL, RECON_OPTION_BUDGET},
-    {"error-cm", required_argument, NULL, RECON_OPTION_ERROR},
-    {"out", required_argument, NULL, RECON_OPTION_OUT},
-    {"threads", required_argument, NULL, RECON_OPTION_THREADS},
-    {"window", required_argument, NULL, RECON_OPTION_WINDOW},
-    {"compression", required_argument, NULL, RECON_OPTION_COMPRESSION},
-    {"help", no_argument, NULL, 'h'},
-    {NULL, 0, NULL, 0},
+static const struct usage_option options[] = {
+    {"survey", USAGE_TEXT(struct recon_options, survey)},
+    {"wav", USAGE_TEXT(struct recon_options, wav)},
+    {"traces", USAGE_TEXT(struct recon_options, traces)},
+    {"volume", USAGE_VALUE(RECON_OPTION_VOLUME)},
+    {"confocal", USAGE_TEXT(struct recon_options, confocal)},
+    {"gate-m", USAGE_VALUE(RECON_OPTION_GATE)},
+    {"band-hz", USAGE_VALUE(RECON_OPTION_BAND)},
+    {"bag", USAGE_TEXT(struct recon_options, bag)},
+    {"launch", USAGE_TEXT(struct recon_options, launch)},
+    {"record", USAGE_FLAG(struct recon_options, records)},
+    {"no-image", USAGE_FLAG(struct recon_options, no_image)},
+    {"background", USAGE_TEXT(struct recon_options, background)},
+    {"method", USAGE_VALUE(RECON_OPTION_METHOD)},
+    {"set", USAGE_VALUE(RECON_OPTION_SET)},
+    {"psf", USAGE_TEXT(struct recon_options, psf)},
+    {"budget-ms", USAGE_VALUE(RECON_OPTION_BUDGET)},
+    {"error-cm", USAGE_VALUE(RECON_OPTION_ERROR)},
+    {"out", USAGE_TEXT(struct recon_options, out)},
+    {"threads", USAGE_COUNT(struct recon_options, threads, 1, RECON_MAX_THREADS)},
+    {"window", USAGE_VALUE(RECON_OPTION_WINDOW)},
+    {"compression", USAGE_VALUE(RECON_OPTION_COMPRESSION)},
+    {.name = NULL},
 };
 
 void recon_options_default(struct recon_options *o, struct imager_options *imaging)
@@ -391,41 +389,11 @@ static int take_method(struct recon_options *o, const char *command)
                        optarg, known, nearest_hint(hint, optarg, imager_methods()));
 }
 
-static const char **find_text(struct recon_options *o, int code)
-{
-    switch (code) {
-    case RECON_OPTION_SURVEY:
-        return &o->survey;
-    case RECON_OPTION_WAV:
-        return &o->wav;
-    case RECON_OPTION_TRACES:
-        return &o->traces;
-    case RECON_OPTION_CONFOCAL:
-        return &o->confocal;
-    case RECON_OPTION_BAG:
-        return &o->bag;
-    case RECON_OPTION_LAUNCH:
-        return &o->launch;
-    case RECON_OPTION_BACKGROUND:
-        return &o->background;
-    case RECON_OPTION_PSF:
-        return &o->psf;
-    default:
-        return &o->out;
-    }
-}
-
 int recon_options_take(struct recon_options *o, const char *command, int code)
 {
     switch (code) {
     case RECON_OPTION_VOLUME:
         return take_volume(o, command);
-    case RECON_OPTION_RECORD:
-        o->records = true;
-        return 0;
-    case RECON_OPTION_NO_IMAGE:
-        o->no_image = true;
-        return 0;
     case RECON_OPTION_GATE:
         return take_gate(o, command);
     case RECON_OPTION_BAND:
@@ -437,26 +405,18 @@ int recon_options_take(struct recon_options *o, const char *command, int code)
         return take_goal(o, command, code);
     case RECON_OPTION_METHOD:
         return take_method(o, command);
-    case RECON_OPTION_THREADS:
-        if (!usage_count(optarg, 1, MAX_THREADS, &o->threads))
-            return 0;
-        return usage_error(command, "--threads %s: expected a number from 1 to %d",
-                           optarg, MAX_THREADS);
     case RECON_OPTION_WINDOW:
         o->has_window = true;
         if (!window_from_name(optarg, &o->window))
             return 0;
         return usage_error(command, "--window %s: expected hann, hamming or rectangular",
                            optarg);
-    case RECON_OPTION_COMPRESSION:
+    default:
         o->has_compression = true;
         if (!compression_from_name(optarg, &o->compression))
             return 0;
         return usage_error(command, "--compression %s: expected matched_filter or deramp",
                            optarg);
-    default:
-        *find_text(o, code) = optarg;
-        return 0;
     }
 }
 
@@ -518,18 +478,17 @@ static int take_recording(struct recon_options *o, const char *path)
 
 bool recon_options_parse(struct recon_options *o, int argc, char **argv, int *exit_code)
 {
+    struct usage usage = {.command = "recon",
+                          .print_help = recon_help_print,
+                          .options = options,
+                          .into = o};
     int code;
-    opterr = 0;
-    optind = 1;
-    while ((code = getopt_long(argc, argv, ":h", options, NULL)) != -1) {
-        if (code == 'h')
-            *exit_code = recon_help_print(stdout) ? EXIT_FAILED : EXIT_WORKED;
-        else if (code == '?' || code == ':')
-            *exit_code = usage_option_error("recon", code, argv, options);
-        else
-            *exit_code = recon_options_take(o, "recon", code);
-        if (code == 'h' || *exit_code)
+    while ((code = usage_next(&usage, argc, argv)) > 0)
+        if ((*exit_code = recon_options_take(o, "recon", code)) != 0)
             return false;
+    if (code) {
+        *exit_code = ~code;
+        return false;
     }
     *exit_code = optind + 1 < argc
                      ? usage_error("recon", "%s: unexpected argument", argv[optind + 1])

@@ -34,26 +34,16 @@ struct recon_options {                           /* borrow from argv */
     double budget_s, error_m;       /* of auto; 0: not given */
 };
 
-enum recon_option { /* getopt_long's codes */
-                    RECON_OPTION_SURVEY = 256,
-                    RECON_OPTION_WAV,
-                    RECON_OPTION_TRACES,
-                    RECON_OPTION_VOLUME,
-                    RECON_OPTION_CONFOCAL,
+#define RECON_MAX_THREADS 256
+
+enum recon_option { /* codes of what is more than kept */
+                    RECON_OPTION_VOLUME = 1,
                     RECON_OPTION_GATE,
                     RECON_OPTION_BAND,
-                    RECON_OPTION_BAG,
-                    RECON_OPTION_LAUNCH,
-                    RECON_OPTION_RECORD,
-                    RECON_OPTION_NO_IMAGE,
-                    RECON_OPTION_BACKGROUND,
                     RECON_OPTION_METHOD,
                     RECON_OPTION_SET,
-                    RECON_OPTION_PSF,
                     RECON_OPTION_BUDGET,
                     RECON_OPTION_ERROR,
-                    RECON_OPTION_OUT,
-                    RECON_OPTION_THREADS,
                     RECON_OPTION_WINDOW,
                     RECON_OPTION_COMPRESSION,
                     RECON_OPTION_OTHER, /* from here on a command's own */

@@ -46,12 +46,6 @@ static const char help[] =
     "what\n"
     "was done until then is written\n";
 
-static const struct option options[] = {
-    {"bag", required_argument, NULL, 'b'},    {"truth", required_argument, NULL, 't'},
-    {"scenes", required_argument, NULL, 's'}, {"out", required_argument, NULL, 'o'},
-    {"help", no_argument, NULL, 'h'},         {NULL, 0, NULL, 0},
-};
-
 struct score {
     char *bags, *truths; /* names with commas; NULL: none was given */
     const char *scene_path, *out;
@@ -60,6 +54,14 @@ struct score {
     struct drive_tally all;
     json_t *json;
     FILE *csv;
+};
+
+static const struct usage_option options[] = {
+    {"bag", USAGE_VALUE('b')},
+    {"truth", USAGE_VALUE('t')},
+    {"scenes", USAGE_TEXT(struct score, scene_path)},
+    {"out", USAGE_TEXT(struct score, out)},
+    {.name = NULL},
 };
 
 static size_t count(const char *names)
@@ -171,25 +173,14 @@ static int run(struct score *s, struct error *why)
 
 int command_score(int argc, char **argv)
 {
-    struct usage usage = {.command = "score", .help = help, .options = options};
     struct score s = {.out = "out/score"};
+    struct usage usage = {
+        .command = "score", .help = help, .options = options, .into = &s};
     struct error why = {""};
     int code;
 
     while ((code = usage_next(&usage, argc, argv)) > 0)
-        switch (code) {
-        case 'b':
-            s.bags = optarg;
-            break;
-        case 't':
-            s.truths = optarg;
-            break;
-        case 's':
-            s.scene_path = optarg;
-            break;
-        default:
-            s.out = optarg;
-        }
+        *(code == 'b' ? &s.bags : &s.truths) = optarg;
     if (code)
         return ~code;
     if (optind < argc)

@@ -365,62 +365,39 @@ static const char help[] =
     "what\n"
     "was done until then is written\n";
 
-static const struct option options[] = {
-    {"scenes", required_argument, NULL, 's'},
-    {"methods", required_argument, NULL, 'm'},
-    {"recordings", required_argument, NULL, 'r'},
-    {"calibration", required_argument, NULL, 'c'},
-    {"out", required_argument, NULL, 'o'},
-    {"limit-s", required_argument, NULL, 'l'},
-    {"threads", required_argument, NULL, 't'},
-    {"seeds", required_argument, NULL, 'n'},
-    {"quick", no_argument, NULL, 'q'},
-    {"help", no_argument, NULL, 'h'},
-    {NULL, 0, NULL, 0},
+static const struct usage_option options[] = {
+    {"scenes", USAGE_TEXT(struct speed_options, scenes)},
+    {"methods", USAGE_TEXT(struct speed_options, methods)},
+    {"recordings", USAGE_TEXT(struct speed_options, recordings)},
+    {"calibration", USAGE_TEXT(struct speed_options, calibration)},
+    {"out", USAGE_VALUE('o')},
+    {"limit-s", USAGE_VALUE('l')},
+    {"threads", USAGE_COUNT(struct speed_options, threads, 1, MAX_THREADS)},
+    {"seeds", USAGE_COUNT(struct speed_options, seeds, 0, MAX_SEEDS)},
+    {"quick", USAGE_FLAG(struct speed_options, quick)},
+    {.name = NULL},
 };
 
 /* 0, or an exit code. */
 static int take_option(struct speed_options *o, int code)
 {
-    switch (code) {
-    case 's':
-        o->scenes = optarg;
-        return 0;
-    case 'm':
-        o->methods = optarg;
-        return 0;
-    case 'r':
-        o->recordings = optarg;
-        return 0;
-    case 'c':
-        o->calibration = optarg;
-        return 0;
-    case 'o':
-        o->out = optarg;
-        return *optarg ? 0 : usage_error("speed-error", "--out: expected a folder");
-    case 'l':
+    if (code == 'l')
         return usage_positive(optarg, &o->limit_s)
                    ? usage_error("speed-error", "--limit-s %s: expected seconds above 0",
                                  optarg)
                    : 0;
-    case 't':
-        return usage_take_count("speed-error", "threads", optarg, 1, MAX_THREADS,
-                                &o->threads);
-    case 'n':
-        return usage_take_count("speed-error", "seeds", optarg, 0, MAX_SEEDS, &o->seeds);
-    default:
-        o->quick = true;
-        return 0;
-    }
+    o->out = optarg;
+    return *optarg ? 0 : usage_error("speed-error", "--out: expected a folder");
 }
 
 int command_speed_error(int argc, char **argv)
 {
-    struct usage usage = {.command = "speed-error", .help = help, .options = options};
     struct speed_options o = {.out = "out/bench",
                               .limit_s = LIMIT_S,
                               .seeds = USUAL_SEEDS,
                               .threads = usage_default_threads()};
+    struct usage usage = {
+        .command = "speed-error", .help = help, .options = options, .into = &o};
     struct error why = {""};
     int code;
 

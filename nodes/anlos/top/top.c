@@ -58,16 +58,6 @@ static const char help[] =
     "terminal\n"
     "that cannot be drawn on; 130 stopped by Ctrl-C\n";
 
-static const struct option options[] = {
-    {"once", no_argument, NULL, 'o'},
-    {"batch", required_argument, NULL, 'b'},
-    {"interval", required_argument, NULL, 'i'},
-    {"wait", no_argument, NULL, 'w'},
-    {"run-dir", required_argument, NULL, 'r'},
-    {"help", no_argument, NULL, 'h'},
-    {NULL, 0, NULL, 0},
-};
-
 struct top {
     const char *asked_dir; /* NULL: the default */
     size_t tables;         /* plain ones; 0: the whole screen */
@@ -80,6 +70,15 @@ struct top {
     struct page page;
 };
 
+static const struct usage_option options[] = {
+    {"once", USAGE_SWITCH('o')},
+    {"batch", USAGE_VALUE('b')},
+    {"interval", USAGE_VALUE('i')},
+    {"wait", USAGE_FLAG(struct top, wait)},
+    {"run-dir", USAGE_TEXT(struct top, asked_dir)},
+    {.name = NULL},
+};
+
 static int take_option(struct top *o, int code)
 {
     switch (code) {
@@ -90,18 +89,12 @@ static int take_option(struct top *o, int code)
         if (!usage_count(optarg, 1, SIZE_MAX, &o->tables))
             return 0;
         return usage_error("top", "--batch %s: expected a whole number above 0", optarg);
-    case 'i':
+    default:
         if (!usage_positive(optarg, &o->interval_s) &&
             o->interval_s >= LEAST_INTERVAL_S && o->interval_s <= 86400)
             return 0;
         return usage_error("top", "--interval %s: expected %g to 86400 seconds", optarg,
                            LEAST_INTERVAL_S);
-    case 'w':
-        o->wait = true;
-        return 0;
-    default:
-        o->asked_dir = optarg;
-        return 0;
     }
 }
 
@@ -327,8 +320,8 @@ static int run(struct top *o)
 
 int command_top(int argc, char **argv)
 {
-    struct usage usage = {.command = "top", .help = help, .options = options};
     struct top *o = calloc(1, sizeof *o);
+    struct usage usage = {.command = "top", .help = help, .options = options, .into = o};
     int code;
 
     if (!o) {

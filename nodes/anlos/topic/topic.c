@@ -253,15 +253,22 @@ static const char help[] =
     "exit codes: 0 done; 1 nothing is running, nothing came in time, or failed; 2 bad\n"
     "arguments or message, or not permitted; 130 stopped by Ctrl-C\n";
 
-static const struct option options[] = {
-    {"json", no_argument, NULL, 'j'},        {"mcap", no_argument, NULL, 'm'},
-    {"count", required_argument, NULL, 'c'}, {"timeout", required_argument, NULL, 't'},
-    {"field", required_argument, NULL, 'p'}, {"full", no_argument, NULL, 'f'},
-    {"rate", required_argument, NULL, 'a'},  {"once", no_argument, NULL, 'o'},
-    {"print", no_argument, NULL, 'i'},       {"from", required_argument, NULL, 'n'},
-    {"force", no_argument, NULL, 'F'},       {"seconds", required_argument, NULL, 's'},
-    {"wait", no_argument, NULL, 'w'},        {"run-dir", required_argument, NULL, 'r'},
-    {"help", no_argument, NULL, 'h'},        {NULL, 0, NULL, 0},
+static const struct usage_option options[] = {
+    {"json", USAGE_SWITCH('j')},
+    {"mcap", USAGE_SWITCH('m')},
+    {"count", USAGE_VALUE('c')},
+    {"timeout", USAGE_VALUE('t')},
+    {"field", USAGE_VALUE('p')},
+    {"full", USAGE_SWITCH('f')},
+    {"rate", USAGE_VALUE('a')},
+    {"once", USAGE_SWITCH('o')},
+    {"print", USAGE_SWITCH('i')},
+    {"from", USAGE_VALUE('n')},
+    {"force", USAGE_SWITCH('F')},
+    {"seconds", USAGE_VALUE('s')},
+    {"wait", USAGE_SWITCH('w')},
+    {"run-dir", USAGE_VALUE('r')},
+    {.name = NULL},
 };
 
 struct topic_options {
@@ -346,8 +353,8 @@ static int take_option(struct topic_options *o, int code)
 static int check_options(const struct topic_options *o, const struct watched *v)
 {
     for (const char *c = o->given; *c; c++) {
-        const struct option *odd = options;
-        while (odd->val != *c)
+        const struct usage_option *odd = options;
+        while (odd->code != *c)
             odd++;
         if (!strchr(v->takes, *c))
             return usage_error("topic", "--%s: %s has no such option", odd->name,
