@@ -75,6 +75,14 @@ bool feed_answers(const char *run_dir)
     return alive;
 }
 
+void feed_say_nothing_runs(const char *command, const char *run_dir, bool waits)
+{
+    fprintf(stderr, "anlos %s: nothing is running in %s%s\n", command, run_dir,
+            waits ? " yet; waiting"
+                  : "; start it with 'anlos launch FILE', or name its folder with "
+                    "--run-dir");
+}
+
 static void look_who_lives(struct feed *f)
 {
     const char *const *names = topics_nodes();

@@ -37,6 +37,9 @@ void feed_close(struct feed *f);
 /* Does anybody publish in the folder?  Tries each socket in it. */
 bool feed_answers(const char *run_dir);
 
+/* Says that nothing is running there; waits: and that the command waits for it. */
+void feed_say_nothing_runs(const char *command, const char *run_dir, bool waits);
+
 /* A census: every node there is, after listening for a moment. */
 
 enum { CENSUS_MAX = TABLE_MAX_NODES };

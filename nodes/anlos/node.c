@@ -331,11 +331,7 @@ static int print(const struct census *c, const struct census_node *one,
     if (one)
         fprintf(stderr, "anlos node: %s does not run in %s\n", one->name, run_dir);
     else
-        fprintf(
-            stderr,
-            "anlos node: nothing is running in %s; start it with 'anlos launch FILE', "
-            "or name its folder with --run-dir\n",
-            run_dir);
+        feed_say_nothing_runs("node", run_dir, false);
     return EXIT_FAILED;
 }
 

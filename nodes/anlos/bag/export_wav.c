@@ -343,11 +343,12 @@ static void place(struct wav_set *w, size_t slot, const float *x, size_t n_sampl
 }
 
 static int take_ping(struct wav_set *w, const Anlos__Ping *p, uint64_t number,
-                     struct error *why)
+                     int64_t capture_ns, struct error *why)
 {
     const struct survey *s = &w->takes.survey;
     size_t slot, extents[2];
 
+    (void)capture_ns; /* the slot says it */
     if (!takes_slot(&w->takes, p, &slot) || w->takes.chosen[slot] != number)
         return 0;
     const float *x = p->samples ? tensor_f32(p->samples, 2, extents) : NULL;
@@ -381,11 +382,15 @@ static int write_silent(struct wav_set *w, struct error *why)
     return err;
 }
 
-static int write_files(struct wav_set *w, struct stream *s, struct error *why)
+/* Takes every ping of the bag.  0, errors of the stream and of take. */
+static int take_pings(struct wav_set *w, struct stream *s,
+                      int (*take)(struct wav_set *w, const Anlos__Ping *p,
+                                  uint64_t number, int64_t capture_ns, struct error *why),
+                      struct error *why)
 {
     struct stream_message m;
     uint64_t number = 0;
-    int err = make_folders(w, why);
+    int err = 0;
 
     stream_rewind(s);
     while (!err && !(err = stream_next(s, &m, why))) {
@@ -396,11 +401,19 @@ static int write_files(struct wav_set *w, struct stream *s, struct error *why)
         err = stream_unpack(&content, s, &m, why);
         if (err)
             return err;
-        Anlos__Ping *p = (Anlos__Ping *)content;
-        err = take_ping(w, p, number, why);
-        anlos__ping__free_unpacked(p, NULL);
+        err = take(w, (Anlos__Ping *)content, number, m.envelope.capture_ns, why);
+        protobuf_c_message_free_unpacked(content, NULL);
     }
-    return err == -ENODATA ? write_silent(w, why) : err;
+    return err == -ENODATA ? 0 : err;
+}
+
+static int write_files(struct wav_set *w, struct stream *s, struct error *why)
+{
+    int err = make_folders(w, why);
+
+    if (!err)
+        err = take_pings(w, s, take_ping, why);
+    return err ? err : write_silent(w, why);
 }
 
 /* -- of an array that stands ------------------------------------------------------------
@@ -415,8 +428,8 @@ static int open_writers(struct wav_set *w, struct error *why)
     return err;
 }
 
-static int put_ping(struct wav_set *w, const Anlos__Ping *p, int64_t capture_ns,
-                    struct error *why)
+static int put_ping(struct wav_set *w, const Anlos__Ping *p, uint64_t number,
+                    int64_t capture_ns, struct error *why)
 {
     const struct survey *s = &w->takes.survey;
     const struct emission e = {.speaker = p->speaker,
@@ -429,6 +442,7 @@ static int put_ping(struct wav_set *w, const Anlos__Ping *p, int64_t capture_ns,
     size_t extents[2];
     const float *x = p->samples ? tensor_f32(p->samples, 2, extents) : NULL;
 
+    (void)number; /* all of them */
     if (!takes_has(&w->takes, p))
         return 0;
     if (!x || extents[0] != s->n_microphones ||
@@ -439,26 +453,6 @@ static int put_ping(struct wav_set *w, const Anlos__Ping *p, int64_t capture_ns,
     w->n_endless++;
     return recording_writer_put(w->writers[p->pass == ANLOS__PASS__BACKGROUND], &e, x,
                                 why);
-}
-
-static int put_pings(struct wav_set *w, struct stream *s, struct error *why)
-{
-    struct stream_message m;
-    int err = 0;
-
-    stream_rewind(s);
-    while (!err && !(err = stream_next(s, &m, why))) {
-        if (m.topic != topic_ping())
-            continue;
-        ProtobufCMessage *content;
-        err = stream_unpack(&content, s, &m, why);
-        if (err)
-            return err;
-        Anlos__Ping *p = (Anlos__Ping *)content;
-        err = put_ping(w, p, m.envelope.capture_ns, why);
-        anlos__ping__free_unpacked(p, NULL);
-    }
-    return err == -ENODATA ? 0 : err;
 }
 
 static int print_egos(FILE *f, struct wav_set *w, struct stream *s, struct error *why)
@@ -507,7 +501,7 @@ static int write_endless(struct wav_set *w, struct stream *s, struct error *why)
     int err = open_writers(w, why);
 
     if (!err)
-        err = put_pings(w, s, why);
+        err = take_pings(w, s, put_ping, why);
     for (int pass = 0; pass < 2; pass++)
         err = recording_writer_close(w->writers[pass], err, why);
     return err ? err : write_egos(w, s, why);

@@ -130,7 +130,7 @@ void drive_print_existence(const struct drive_result *r)
 
 static void put(json_t *o, const char *key, double x)
 {
-    json_object_set_new(o, key, isfinite(x) ? json_real(x) : json_null());
+    json_object_set_new(o, key, export_real(x));
 }
 
 static void put_figures(json_t *o, const double figures[DRIVE_FIGURES])

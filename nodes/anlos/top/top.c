@@ -285,10 +285,7 @@ static int run_screen(struct top *o)
 /* Says that nothing runs.  false: and is not to be waited for. */
 static bool may_wait(const struct top *o)
 {
-    fprintf(stderr, "anlos top: nothing is running in %s%s\n", o->run_dir,
-            o->wait ? " yet; waiting"
-                    : "; start it with 'anlos launch FILE', or name its folder with "
-                      "--run-dir");
+    feed_say_nothing_runs("top", o->run_dir, o->wait);
     return o->wait;
 }
 

@@ -427,10 +427,7 @@ static int open_run_dir(char run_dir[RUNDIR_SIZE], const struct topic_options *o
     }
     interrupt_catch();
     if (!feed_answers(run_dir)) {
-        fprintf(stderr, "anlos topic: nothing is running in %s%s\n", run_dir,
-                o->wait ? " yet; waiting"
-                        : "; start it with 'anlos launch FILE', or name "
-                          "its folder with --run-dir");
+        feed_say_nothing_runs("topic", run_dir, o->wait);
         if (!o->wait)
             return EXIT_FAILED;
     }
