@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: MIT */
-#include "nodes/anlos/topic/echo.h"
+#include "nodes/anlos/topic/topic.h"
 
 #include <errno.h>
 #include <inttypes.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

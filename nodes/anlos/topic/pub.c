@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "nodes/anlos/topic/pub.h"
+#include "nodes/anlos/topic/topic.h"
 
 #include <errno.h>
 #include <inttypes.h>
@@ -10,7 +10,6 @@
 #include <time.h>
 
 #include "hal/clock.h"
-#include "msgs/bus.h"
 #include "msgs/hosts.h"
 #include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/topic/message_json.h"

@@ -1,4 +1,6 @@
 /* SPDX-License-Identifier: MIT */
+#include "nodes/anlos/topic/topic.h"
+
 #include <errno.h>
 #include <inttypes.h>
 #include <stdio.h>
@@ -8,14 +10,11 @@
 
 #include "dsp/nearest.h"
 #include "hal/clock.h"
-#include "msgs/bus.h"
 #include "nodes/anlos/commands.h"
 #include "nodes/anlos/feed.h"
 #include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/live.h"
-#include "nodes/anlos/topic/echo.h"
 #include "nodes/anlos/topic/message_json.h"
-#include "nodes/anlos/topic/pub.h"
 #include "nodes/anlos/topic/tally.h"
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/rundir.h"

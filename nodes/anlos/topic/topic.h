@@ -1,18 +1,37 @@
 /* SPDX-License-Identifier: MIT */
-/* nodes/anlos/topic/pub.h -- `anlos topic pub`: messages from outside, as JSON.
+/* nodes/anlos/topic/topic.h -- verbs of `anlos topic` with a file of their own. */
+#ifndef ANLOS_NODES_ANLOS_TOPIC_TOPIC_H
+#define ANLOS_NODES_ANLOS_TOPIC_TOPIC_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "msgs/bus.h"
+#include "msgs/topics.h"
+
+/* `anlos topic echo`: messages as they come, on stdout. */
+
+struct echo_options {
+    size_t count;      /* 0: without end */
+    double timeout_s;  /* without a message; 0: never */
+    const char *field; /* only this one; NULL: the whole line */
+    bool full;
+    bool mcap; /* in place of JSON */
+};
+
+/* What got lost on the way goes to stderr, once a second at most and at the end; so does,
+ * after 2 s, that nothing comes.  0 (count, or nobody reads on), -EINTR, -ETIMEDOUT,
+ * -ENOMEM; what cannot be written shows in ferror(stdout). */
+int echo_run(struct bus *bus, const struct topic *const *topics, size_t n,
+             const struct echo_options *o);
+
+/* `anlos topic pub`: messages from outside, as JSON.
  *
  * Who may say what.  "ego", "ambient" and "wall/given" are what the vehicle says, and
  * "stage/manual" what a person does: these have a name in msgs/topics.h that is no
  * node's (vehicle, hand), under which they are published, unless a node says the same
  * already (can).  Everything else is a node's own word, and with it what the sensor
  * states: only by force, only in the name of a node that does not run. */
-#ifndef ANLOS_NODES_ANLOS_TOPIC_PUB_H
-#define ANLOS_NODES_ANLOS_TOPIC_PUB_H
-
-#include <stdbool.h>
-#include <stddef.h>
-
-#include "msgs/topics.h"
 
 struct pub_options {
     const char *json; /* NULL or "-": from stdin, one a line */
