@@ -69,7 +69,7 @@ struct displacement {
     bool blows[3];            /* along that axis wind changes most paths */
     bool started;             /* where all stood at the start is judged */
     double least_m;           /* by which who is told has moved */
-    double start_sigma_m;     /* of where who was moved before it stands */
+    double start_sigma_m;     /* how paths scattered about the survey then */
     uint64_t round;
     struct echo_shift *shift;
     struct echo_path *echoes; /* [n_echoes] of the element that is placed */
@@ -613,7 +613,7 @@ static void place(struct displacement *d, size_t e)
     uint64_t before = one->since > LEARNT_ROUNDS ? one->since - LEARNT_ROUNDS : 0;
     struct displacement_of now = one->heard;
     struct solution s[STARTS];
-    double axes[3][3];
+    double axes[3][3], sigma_m = d->sigma_m;
     bool known;
 
     d->n_echoes = one->at_start ? echo_shift_surveyed(d->shift, e, d->round, d->echoes,
@@ -623,20 +623,22 @@ static void place(struct displacement *d, size_t e)
     if (d->n_echoes < LEAST_PAIRS)
         d->n_echoes = 0;
     int n_axes = axes_of(d, e, axes);
-    if (d->n_echoes) {
+    if (d->n_echoes || one->at_start) {
+        /* Against the survey straight paths err by where their other ends stand. */
+        if (one->at_start)
+            d->sigma_m = hypot(sigma_m, d->start_sigma_m);
         search(d, e, axes, s);
         tell(n_axes, axes, s, &now);
         now.moved = true;
-        known = is_placed(d, e, s);
+        known = d->n_echoes ? is_placed(d, e, s) : n_axes == 3 && now.across_m == 0.0;
         memcpy(one->best_m, s[0].by_m, sizeof one->best_m);
         d->n_echoes = 0;
+        d->sigma_m = sigma_m;
     } else {
         known = n_axes == 3 && now.across_m == 0.0;
         memcpy(one->best_m, one->by_m, sizeof one->best_m);
     }
     now.at_start = one->at_start;
-    if (one->at_start)
-        now.sigma_m = hypot(now.sigma_m, d->start_sigma_m);
     if (known && now.sigma_m < DISPLACEMENT_PLACED_M)
         settle_place(one, &now);
     else
@@ -717,7 +719,7 @@ static void judge_start(struct displacement *d)
         d->pairs[i].reference_s -= explained_m(d, i) / d->sound_speed_m_s;
     for (size_t e = 0; e < d->n_elements; e++)
         d->elements[e].at_start = d->elements[e].taken;
-    d->start_sigma_m = d->sigma_m / sqrt(LEAST_PAIRS);
+    d->start_sigma_m = d->sigma_m;
 }
 
 static void conclude(struct displacement *d)
