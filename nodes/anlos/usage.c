@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 #include "nodes/anlos/usage.h"
 
-#include <assert.h>
 #include <errno.h>
 #include <jansson.h>
 #include <math.h>
@@ -129,7 +128,8 @@ static void make_table(const struct usage *u, struct option out[MOST_OPTIONS + 2
 
     letters += sprintf(letters, "%s:h", u->words ? "-" : "");
     for (const struct usage_option *o = u->options; o->name; o++) {
-        assert(n < MOST_OPTIONS);
+        if (n == MOST_OPTIONS)
+            abort(); /* a command's own table; assert would name this file's folder */
         bool bare = o->kind == USAGE_IS_SWITCH || o->kind == USAGE_IS_FLAG;
         if (o->letter)
             letters += sprintf(letters, "%c%s", o->letter, bare ? "" : ":");
