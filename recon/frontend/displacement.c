@@ -56,7 +56,7 @@ struct pair {
     unsigned n, age; /* arrivals in the ring; rounds since the newest */
     double grown_m;  /* in this round: the path against the reference; NaN */
     double left_m;   /* of that, without what is common */
-    bool heard;
+    bool heard;      /* ever */
 };
 
 struct displacement {

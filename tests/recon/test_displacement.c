@@ -623,7 +623,7 @@ static void places_measured_by_hand_are_what_they_are(void **state)
             }
         if (k >= 16)
             w.microphones_at_m[9][0] += 0.05;
-        hear(&w, 20);
+        hear(&w, 35); /* in which who stands among others is placed, above */
         named += of(&w, e)->moved;
         assert_false(of(&w, e)->placed);
         for (size_t other = 0; other < 2 * N; other++)
