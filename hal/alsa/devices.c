@@ -7,6 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "dsp/list.h"
+
 struct list {
     struct alsa_device *all;
     size_t n, room;
@@ -14,14 +16,8 @@ struct list {
 
 static int add(struct list *l, const struct alsa_device *device)
 {
-    if (l->n == l->room) {
-        size_t room = l->room ? 2 * l->room : 16;
-        struct alsa_device *all = realloc(l->all, room * sizeof *all);
-        if (!all)
-            return -ENOMEM;
-        l->all = all;
-        l->room = room;
-    }
+    if (list_grow(&l->all, l->n, &l->room, sizeof *l->all))
+        return -ENOMEM;
     l->all[l->n++] = *device;
     return 0;
 }

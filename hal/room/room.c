@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "dsp/list.h"
 #include "hal/random.h"
 #include "hal/room/drive.h"
 #include "hal/room/emitter.h"
@@ -750,14 +751,8 @@ static bool sees(const struct room *r, size_t object, double t_s)
 
 static int add_span(struct sight_spans *s, double from_s, double to_s)
 {
-    if (s->n == s->room) {
-        size_t room = s->room ? 2 * s->room : 4;
-        struct sight_span *p = realloc(s->spans, room * sizeof *p);
-        if (!p)
-            return -ENOMEM;
-        s->spans = p;
-        s->room = room;
-    }
+    if (list_grow(&s->spans, s->n, &s->room, sizeof *s->spans))
+        return -ENOMEM;
     s->spans[s->n++] = (struct sight_span){from_s, to_s};
     return 0;
 }

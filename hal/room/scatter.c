@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "dsp/list.h"
 #include "hal/room/vector.h"
 
 enum { LEFT = 1, RIGHT = 2, TOP = 4, MIDDLE = 8, BOTTOM = 16, STEM = 32 };
@@ -52,14 +53,8 @@ void scatter_plane_set(struct scatter_plane *p, const double centre[3],
 
 int scatter_add(struct scatter *s, const struct scatter_piece *piece)
 {
-    if (s->n == s->room) {
-        size_t room = s->room ? 2 * s->room : 256;
-        struct scatter_piece *p = realloc(s->pieces, room * sizeof *p);
-        if (!p)
-            return -ENOMEM;
-        s->pieces = p;
-        s->room = room;
-    }
+    if (list_grow(&s->pieces, s->n, &s->room, sizeof *s->pieces))
+        return -ENOMEM;
     s->pieces[s->n++] = *piece;
     return 0;
 }
