@@ -3,6 +3,8 @@
 #ifndef ANLOS_RECON_VOLUME_H
 #define ANLOS_RECON_VOLUME_H
 
+#include <float.h>
+#include <math.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -10,6 +12,27 @@
 #include "recon/grid.h"
 #include "recon/imaging/surroundings.h"
 #include "recon/survey.h"
+
+#define VOLUME_MOVERS 8
+
+/* What moves by itself, by the phases of the image's pings (velocity_filter.h). */
+struct volume_mover {
+    float at_m[3]; /* in the middle of their time, in the array frame of the newest */
+    float velocity_m_s[3]; /* over ground, along the same axes */
+    float power;           /* of all pings in phase, over the median of the image; > 0 */
+};
+
+_Static_assert(sizeof(struct volume_mover) == 7 * sizeof(float), "rows of seven");
+
+/* From outside: within 10 km, slower than its sound. */
+static inline bool volume_mover_is_sound(const struct volume_mover *m)
+{
+    bool sound = m->power > 0.0f && m->power <= FLT_MAX;
+
+    for (int a = 0; a < 3; a++)
+        sound = sound && fabsf(m->at_m[a]) <= 1e4f && fabsf(m->velocity_m_s[a]) < 340.0f;
+    return sound;
+}
 
 struct volume {
     uint64_t survey_id;
@@ -33,6 +56,8 @@ struct volume {
     uint64_t clipped_samples;
     bool standing_left;  /* what stands was to be taken away, and may still be in it */
     bool standing_taken; /* it was taken away, from all of it: remains may be left */
+    const struct volume_mover *movers; /* looked for where standing_left */
+    size_t n_movers;                   /* up to VOLUME_MOVERS */
 };
 
 #endif

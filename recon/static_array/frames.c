@@ -508,8 +508,9 @@ static double nearest_m(const struct tile *t, const double at[3])
 }
 
 /* Of the elements that hear of a tile, and of the speaker; false: none does.  A third of
- * a plane lies beyond the gate. */
-static bool find_paths(const struct frames *f, const struct held *h, struct scratch *own)
+ * a plane lies beyond the gate.  Where a tile's voxels fill no box it is not asked. */
+static bool find_paths(const struct frames *f, const struct held *h, bool is_box,
+                       struct scratch *own)
 {
     const struct tile *t = &own->tile;
     double middle_m[3], sound_m_s = f->geometry.sound_speed_m_s, speaker_m = 0.0;
@@ -521,7 +522,7 @@ static bool find_paths(const struct frames *f, const struct held *h, struct scra
         double way_s = geometry_distance(middle_m, p->delay_at_m) / sound_m_s;
         double delay_at[3], phase_at[3];
         go_on(p, e == 0, way_s, to_array_s, delay_at, phase_at);
-        double way_m = nearest_m(t, delay_at);
+        double way_m = is_box ? nearest_m(t, delay_at) : 0.0;
         if (e == 0)
             speaker_m = way_m;
         own->hears[e] = e == 0 || speaker_m + way_m < f->far_s * sound_m_s + FAR_M;
@@ -536,13 +537,10 @@ static bool find_paths(const struct frames *f, const struct held *h, struct scra
     return any;
 }
 
-/* false: nothing of a ping comes from this tile. */
-static bool add_ping(const struct frames *f, const struct held *h, struct scratch *own)
+static void add_traces(const struct frames *f, const struct held *h, struct scratch *own)
 {
     const struct tile_path *to = own->paths, *from = own->paths + 1;
     size_t n_mic = f->geometry.n_microphones;
-    if (!find_paths(f, h, own))
-        return false;
     for (size_t i = 0; i < n_mic; i++) {
         struct tile_trace r = {.words = h->words + (i + 1) * f->fine.n_stored,
                                .last = (float)(f->fine.n_stored - 2)};
@@ -553,7 +551,7 @@ static bool add_ping(const struct frames *f, const struct held *h, struct scratc
         if (h->weight[i] > 0.0f && own->hears[i + 1])
             tile_add(&own->tile, &r, to, from + i, own->tile.part, NULL);
     }
-    return true;
+    tile_add_part(&own->tile, own->paths);
 }
 
 VECTOR_CLONES
@@ -570,8 +568,8 @@ static void make_part(const struct frames *f, const struct held *h, struct scrat
 {
     struct tile *t = &own->tile;
     float(*sum)[TILE_VOXELS] = t->sum;
-    if (add_ping(f, h, own))
-        tile_add_part(t, own->paths);
+    if (find_paths(f, h, true, own))
+        add_traces(f, h, own);
     if (f->cfg.sum == FRAMES_POWER)
         take_power(t->whole, sum[0], sum[1], part);
     else
@@ -747,4 +745,176 @@ void frames_image(struct frames *f, const struct frames_motion *motion, float *i
     for (size_t k = 0; k < f->cfg.n_pings; k++)
         if (f->held[k].fresh)
             keep_account(f, &f->held[k]);
+}
+
+/* -- the echoes of single pings ---------------------------------------------------------
+ */
+
+size_t frames_looks(const struct frames *f, struct frames_look *looks)
+{
+    size_t n = 0, n_mic = f->geometry.n_microphones;
+
+    for (size_t k = 0; k < f->cfg.n_pings; k++) {
+        const struct held *h = &f->held[k];
+        if (!h->counts || !(h->scale > 0.0f))
+            continue;
+        struct frames_look *one = &looks[n++];
+        *one = (struct frames_look){
+            .age_s = 1e-9 * (double)(f->held[f->newest].stamp_ns - h->stamp_ns)};
+        for (size_t e = 0; e < 1 + n_mic; e++)
+            for (int a = 0; a < 3; a++) {
+                double share = e == 0 ? 0.5 : 0.5 / (double)n_mic;
+                one->middle_m[a] += share * h->places[e].delay_at_m[a];
+                one->velocity_m_s[a] += share * h->places[e].own_m_s[a];
+            }
+    }
+    return n;
+}
+
+static const struct held *counted(const struct frames *f, size_t number)
+{
+    const struct held *h = f->held;
+
+    while (!h->counts || !(h->scale > 0.0f) || number-- > 0)
+        h++;
+    return h;
+}
+
+struct alone { /* shared by threads */
+    const struct frames *f;
+    const struct held *ping;
+    float *image;
+};
+
+static void image_alone(void *ctx, size_t item, size_t thread)
+{
+    const struct alone *a = ctx;
+    struct tile *t = &a->f->own[thread].tile;
+
+    tile_lay(t, &a->f->cfg.grid, item);
+    add_scaled(t->whole, a->ping->scale, a->ping->part + item * TILE_VOXELS, t->squares);
+    make_up_for_range(a->f, t, 1.0f, t->squares);
+    for (size_t v = 0; v < t->n; v++)
+        a->image[t->number[v]] = t->squares[v];
+}
+
+void frames_alone(struct frames *f, size_t look, float *intensity)
+{
+    struct alone a = {f, counted(f, look), intensity};
+
+    pool_run(f->cfg.pool, tile_count(&f->cfg.grid), image_alone, &a);
+}
+
+struct echoes { /* shared by threads */
+    const struct frames *f;
+    enum frames_thing thing;
+    const double (*at_m)[3];
+    size_t n, parts, n_pings;
+    float *out;
+};
+
+/* The last one fills the vector. */
+static void lay_places(struct tile *t, const double (*at_m)[3], size_t n)
+{
+    t->n = n;
+    t->whole = (n + VECTOR_LANES - 1) / VECTOR_LANES * VECTOR_LANES;
+    for (size_t v = 0; v < t->whole; v++)
+        for (int a = 0; a < 3; a++)
+            t->position[a][v] = (float)at_m[v < n ? v : n - 1][a];
+}
+
+/* A point as a plane mirrors it that lies at at_m, and square to the way there. */
+static void mirror(const struct frames *f, const double at_m[3], const double point_m[3],
+                   double out[3])
+{
+    double distance_m = geometry_distance(at_m, f->centre_m), beyond_m = 0.0;
+
+    for (int a = 0; a < 3; a++)
+        beyond_m += 2.0 * (at_m[a] - point_m[a]) * (at_m[a] - f->centre_m[a]) /
+                    distance_m;
+    for (int a = 0; a < 3; a++)
+        out[a] = point_m[a] + beyond_m * (at_m[a] - f->centre_m[a]) / distance_m;
+}
+
+/* Planes at a tile's places: what they mirror the speaker to takes their place, and only
+ * the way from there counts.  Motion is as of the middle one, as in find_paths. */
+static void find_mirrored_paths(const struct frames *f, const struct held *h,
+                                struct scratch *own)
+{
+    struct tile *t = &own->tile;
+    size_t middle = t->n / 2;
+    const double at_m[3] = {(double)t->position[0][middle],
+                            (double)t->position[1][middle],
+                            (double)t->position[2][middle]};
+    double way_s = geometry_distance(at_m, f->centre_m) / f->geometry.sound_speed_m_s;
+    double delay_at[3], phase_at[3], delay_from[3], phase_from[3];
+
+    go_on(&h->places[0], true, way_s, way_s, delay_at, phase_at);
+    mirror(f, at_m, phase_at, phase_from);
+    mirror(f, at_m, delay_at, delay_from);
+    for (size_t v = 0; v < t->whole; v++) {
+        const double plane_m[3] = {(double)t->position[0][v], (double)t->position[1][v],
+                                   (double)t->position[2][v]};
+        double from_m[3];
+        mirror(f, plane_m, delay_at, from_m);
+        for (int a = 0; a < 3; a++)
+            t->position[a][v] = (float)from_m[a];
+        own->paths[0].delay[v] = f->sound.half_start;
+        own->paths[0].re[v] = 1.0f;
+        own->paths[0].im[v] = 0.0f;
+    }
+    for (size_t e = 1; e < 1 + f->geometry.n_microphones; e++) {
+        way_s = 0.5 * geometry_distance(delay_from, h->places[e].delay_at_m) /
+                f->geometry.sound_speed_m_s;
+        go_on(&h->places[e], false, way_s, way_s, delay_at, phase_at);
+        double more_m = geometry_distance(phase_from, phase_at) -
+                        geometry_distance(delay_from, delay_at);
+        tile_path(t, &f->sound, delay_at, more_m * (double)f->sound.turns_per_m,
+                  &own->paths[e]);
+        own->hears[e] = true;
+    }
+}
+
+static void take_echoes(void *ctx, size_t item, size_t thread)
+{
+    const struct echoes *e = ctx;
+    const struct frames *f = e->f;
+    const struct held *h = counted(f, item / e->parts);
+    struct scratch *own = &f->own[thread];
+    struct tile *t = &own->tile;
+    size_t first = item % e->parts * TILE_VOXELS;
+    size_t n = e->n - first < TILE_VOXELS ? e->n - first : TILE_VOXELS;
+    float scale = sqrtf(h->scale) / (float)e->n_pings;
+
+    memset(t->part, 0, sizeof t->part);
+    memset(t->sum, 0, sizeof t->sum);
+    lay_places(t, e->at_m + first, n);
+    bool any = true;
+    if (e->thing == FRAMES_PLANE)
+        find_mirrored_paths(f, h, own);
+    else
+        any = find_paths(f, h, false, own);
+    if (any)
+        add_traces(f, h, own);
+    for (int i = 0; i < 2; i++) {
+        float *out = e->out + (2 * (item / e->parts) + (size_t)i) * e->n + first;
+        for (size_t v = 0; v < n; v++)
+            out[v] = scale * t->sum[i][v];
+    }
+    memset(t->sum, 0, sizeof t->sum);
+}
+
+void frames_echoes(struct frames *f, enum frames_thing thing, const double (*at_m)[3],
+                   size_t n, float *echoes)
+{
+    struct echoes e = {.f = f,
+                       .thing = thing,
+                       .at_m = at_m,
+                       .n = n,
+                       .parts = (n + TILE_VOXELS - 1) / TILE_VOXELS,
+                       .out = echoes};
+
+    for (size_t k = 0; k < f->cfg.n_pings; k++)
+        e.n_pings += f->held[k].counts && f->held[k].scale > 0.0f;
+    pool_run(f->cfg.pool, e.n_pings * e.parts, take_echoes, &e);
 }

@@ -104,6 +104,33 @@ void frames_image(struct frames *f, const struct frames_motion *motion, float *i
 #define FRAMES_BLOCK_M 0.08
 const float *frames_newest(const struct frames *f, struct grid *blocks);
 
+/* -- the pings of the newest image, by power, one by one: after frames_image, until the
+ * next frames_add.  All in the array's frame as of the newest ping. */
+
+struct frames_look {
+    double age_s;           /* before the newest ping */
+    double middle_m[3];     /* between its speaker and the microphones */
+    double velocity_m_s[3]; /* of these over ground */
+};
+
+/* looks[n_pings of the configuration]; how many there are. */
+size_t frames_looks(const struct frames *f, struct frames_look *looks);
+
+/* The image of one of them alone, in the unit of frames_image's. */
+void frames_alone(struct frames *f, size_t look, float *intensity);
+
+enum frames_thing {
+    FRAMES_SCATTERER, /* sends what comes to it everywhere */
+    FRAMES_PLANE,     /* mirrors the speaker; square to the way from the array */
+};
+
+/* A thing's echo in each of these pings, if it is at each of n places: the mean over the
+ * midpoints, with its phase, over the number of pings; echoes[looks][re, im][n].  What is
+ * there, and at rest, is in phase in all: the square of the sum, times range^2, is as
+ * bright then as the image by power. */
+void frames_echoes(struct frames *f, enum frames_thing thing, const double (*at_m)[3],
+                   size_t n, float *echoes);
+
 /* The instant after a ping's stamp that its delays are those of; what moves is shown
  * where it was then (plus half its echo's delay). */
 double frames_delay_instant_s(const struct frames_config *cfg, bool down);

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "recon/detection/peak.h"
+#include "tests/recon/dice.h"
 #include "tests/recon/near.h"
 
 #define EPOCH_NS 1000000000LL /* of time 0 */
@@ -127,10 +128,20 @@ static bool is_down(const struct bumper *b, size_t k)
 /* What a ping hears of ping j's chirp. */
 static void hear(struct bumper *b, size_t k, size_t j)
 {
-    for (size_t i = 0; i < b->geometry.n_microphones; i++)
-        moving_record(&b->world, bumper_time_s(b, k), bumper_time_s(b, j), is_down(b, j),
-                      b->speakers_m[j % b->geometry.n_speakers], b->microphones_m[i],
-                      b->n_rx, b->rx + i * b->n_rx);
+    for (size_t w = 0; w <= b->n_others; w++)
+        for (size_t i = 0; i < b->geometry.n_microphones; i++)
+            moving_record(w ? &b->others[w - 1] : &b->world, bumper_time_s(b, k),
+                          bumper_time_s(b, j), is_down(b, j),
+                          b->speakers_m[j % b->geometry.n_speakers], b->microphones_m[i],
+                          b->n_rx, b->rx + i * b->n_rx);
+}
+
+struct moving *bumper_also(struct bumper *b)
+{
+    if (b->n_others == BUMPER_OTHERS)
+        abort();
+    b->others[b->n_others] = b->world;
+    return &b->others[b->n_others++];
 }
 
 void bumper_ping(struct bumper *b, size_t k, struct frames_ping *out)
@@ -140,6 +151,8 @@ void bumper_ping(struct bumper *b, size_t k, struct frames_ping *out)
     size_t around = b->crosstalk ? b->together * (size_t)ceil(length_s / b->slot_s) : 0;
     for (size_t j = k > around ? k - around : 0; j <= k + around; j++)
         hear(b, k, j);
+    for (size_t q = 0; b->noise > 0.0 && q < b->geometry.n_microphones * b->n_rx; q++)
+        b->rx[q] += (float)(b->noise * dice_normal(&b->seed));
     pulse_compress_execute(b->compress[is_down(b, k)], b->rx, b->n_rx, b->traces);
     *out = (struct frames_ping){.stamp_ns = EPOCH_NS + llrint(1e9 * bumper_time_s(b, k)),
                                 .speaker = k % b->geometry.n_speakers,

@@ -8,12 +8,17 @@
 #include "recon/static_array/frames.h"
 #include "tests/recon/moving.h"
 
-#define BUMPER_MAX 16
+#define BUMPER_MAX    16
+#define BUMPER_OTHERS 4
 
 struct bumper { /* do not copy */
     struct geometry geometry;
     double speakers_m[BUMPER_MAX][3], microphones_m[BUMPER_MAX][3], position_m;
     struct moving world;
+    struct moving others[BUMPER_OTHERS]; /* as heard beside it: bumper_also */
+    size_t n_others;
+    double noise; /* rms, of what is recorded; a chirp from the point 1 m off has 0.7 */
+    unsigned long long seed;
     double slot_s;
     bool alternates; /* every second chirp runs down */
     size_t together; /* speakers that start in one slot */
@@ -36,6 +41,9 @@ void bumper_default(struct bumper *b);
 void bumper_elements(struct bumper *b, size_t n_speakers, size_t n_microphones);
 void bumper_start(struct bumper *b);
 void bumper_stop(struct bumper *b);
+
+/* One more point or plane, in the same world: at first where the world's own is. */
+struct moving *bumper_also(struct bumper *b);
 
 /* A frames of it. */
 struct frames *bumper_frames(struct bumper *b);

@@ -44,11 +44,46 @@ static void point(const struct moving *m, double t, double out[3])
         out[a] = m->at_m[a] + t * m->velocity_m_s[a];
 }
 
+/* When the sound that arrives at `hit` at p left the speaker. */
+static double left_for(const struct moving *m, const double speaker[3], double hit,
+                       const double p[3], double *way)
+{
+    double mouth[3], leaves = hit;
+    for (int r = 0; r < ROUNDS; r++) {
+        moving_to_ground(m, leaves, speaker, mouth);
+        *way = reference_distance(p, mouth);
+        leaves = hit - *way / m->sound_speed_m_s;
+    }
+    return leaves;
+}
+
+static bool is_plane(const struct moving *m)
+{
+    return m->normal[0] != 0.0 || m->normal[1] != 0.0 || m->normal[2] != 0.0;
+}
+
+/* By the plane: straight to the microphone's mirror image. */
+static double emitted_plane(const struct moving *m, const double speaker[3],
+                            const double microphone[3], double arrives, double *way)
+{
+    double p[3], depth_m = 0.0;
+    moving_to_ground(m, arrives, microphone, p);
+    for (int a = 0; a < 3; a++)
+        depth_m += m->normal[a] * (p[a] - m->at_m[a]);
+    for (int a = 0; a < 3; a++)
+        p[a] -= 2.0 * depth_m * m->normal[a];
+    return left_for(m, speaker, arrives, p, way);
+}
+
 /* When the sound that arrives at a time left. */
 static double emitted(const struct moving *m, const double speaker[3],
                       const double microphone[3], double arrives, double ways[2])
 {
-    double subscription[3], mouth[3], p[3], hit = arrives, leaves;
+    double subscription[3], p[3], hit = arrives;
+    if (is_plane(m)) {
+        ways[1] = 1.0;
+        return emitted_plane(m, speaker, microphone, arrives, &ways[0]);
+    }
     moving_to_ground(m, arrives, microphone, subscription);
     for (int r = 0; r < ROUNDS; r++) {
         point(m, hit, p);
@@ -56,13 +91,7 @@ static double emitted(const struct moving *m, const double speaker[3],
         hit = arrives - ways[1] / m->sound_speed_m_s;
     }
     point(m, hit, p);
-    leaves = hit;
-    for (int r = 0; r < ROUNDS; r++) {
-        moving_to_ground(m, leaves, speaker, mouth);
-        ways[0] = reference_distance(p, mouth);
-        leaves = hit - ways[0] / m->sound_speed_m_s;
-    }
-    return leaves;
+    return left_for(m, speaker, hit, p, &ways[0]);
 }
 
 static double chirp_at(const struct moving *m, bool down, double t)
@@ -77,10 +106,15 @@ void moving_record(const struct moving *m, double time_s, double chirp_at_s, boo
                    const double speaker[3], const double microphone[3], size_t n,
                    float *rx)
 {
-    for (size_t q = 0; q < n; q++) {
+    double gain = pow(10.0, m->level_db / 20.0);
+    for (size_t q = 0; gain > 0.0 && q < n; q++) {
         double t = time_s + (double)q / m->sample_rate_hz, ways[2];
         double left = emitted(m, speaker, microphone, t, ways) - chirp_at_s;
-        if (left >= 0.0 && left < m->chirp_s)
-            rx[q] += (float)(chirp_at(m, down, left) / (ways[0] * ways[1]));
+        if (left >= m->chirp_s)
+            return;
+        if (left >= 0.0)
+            rx[q] += (float)(gain * chirp_at(m, down, left) / (ways[0] * ways[1]));
+        else /* Doppler brings it no more than a tenth earlier */
+            q += (size_t)(-0.9 * left * m->sample_rate_hz);
     }
 }
