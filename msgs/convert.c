@@ -488,6 +488,9 @@ void volume_to_message(const struct volume *v, struct volume_view *view, Anlos__
         m->newest_origin_m = set_vec3(&view->newest_origin, b->origin_m);
         m->newest_step_m = set_vec3(&view->newest_step, b->step_m);
     }
+    if (v->n_movers)
+        m->movers = tensor_borrow_f32(&view->movers, v->movers->at_m, 2, v->n_movers,
+                                      sizeof *v->movers / sizeof(float));
     if (v->around.intensity) {
         const struct surroundings_view *a = &v->around;
         const struct grid *c = &a->grid;
@@ -549,6 +552,21 @@ static void around_from_message(struct surroundings_view *a, const Anlos__Volume
     a->spots = (const float(*)[4])spots;
 }
 
+static void movers_from_message(struct volume *v, const Anlos__Tensor *movers)
+{
+    size_t extents[2];
+    const float *rows = tensor_f32(movers, 2, extents);
+
+    if (!rows || extents[0] > VOLUME_MOVERS ||
+        extents[1] != sizeof *v->movers / sizeof(float))
+        return;
+    v->movers = (const struct volume_mover *)(const void *)rows;
+    v->n_movers = extents[0];
+    for (size_t i = 0; i < extents[0]; i++)
+        if (!volume_mover_is_sound(&v->movers[i]))
+            v->n_movers = 0;
+}
+
 void volume_from_message(struct volume *v, const Anlos__Volume *m, int64_t capture_ns)
 {
     *v = (struct volume){.survey_id = m->survey_id,
@@ -573,6 +591,8 @@ void volume_from_message(struct volume *v, const Anlos__Volume *m, int64_t captu
         v->newest = NULL;
     if (m->coarse)
         around_from_message(&v->around, m);
+    if (m->movers)
+        movers_from_message(v, m->movers);
 }
 
 /* -- objects ---------------------------------------------------------------------------

@@ -207,6 +207,8 @@ void api_image(struct anlos_image *out, const struct volume *v)
         out->beyond = a->n_spots ? a->spots[0] : NULL;
         out->n_beyond = a->n_spots;
     }
+    out->movers = v->n_movers ? v->movers->at_m : NULL;
+    out->n_movers = v->n_movers;
     memcpy(out->origin_m, v->grid.origin_m, sizeof out->origin_m);
     memcpy(out->step_m, v->grid.step_m, sizeof out->step_m);
     memcpy(out->n, v->grid.n, sizeof out->n);
@@ -479,6 +481,23 @@ static int take_around(struct surroundings_view *out, const struct anlos_image *
     return code;
 }
 
+static int take_movers(const struct anlos_image *v, struct anlos_error *why)
+{
+    const struct volume_mover *movers = (const void *)v->movers;
+    int code = 0;
+
+    if (v->n_movers > VOLUME_MOVERS)
+        code = api_fail(why, ANLOS_INVALID,
+                        "movers of an image: %zu, expected %d at most", v->n_movers,
+                        VOLUME_MOVERS);
+    if (!code && v->n_movers)
+        code = api_there(movers, "movers of an image", why);
+    for (size_t i = 0; !code && i < v->n_movers; i++)
+        if (!volume_mover_is_sound(&movers[i]))
+            code = api_fail(why, ANLOS_INVALID, "movers of an image: %zu is none", i);
+    return code;
+}
+
 int api_volume(struct volume *out, const struct anlos_image *given, uint64_t id,
                struct anlos_error *why)
 {
@@ -501,6 +520,8 @@ int api_volume(struct volume *out, const struct anlos_image *given, uint64_t id,
                          "blocks", why);
     if (!code)
         code = take_around(&around, &v, why);
+    if (!code)
+        code = take_movers(&v, why);
     if (code)
         return code;
     *out = (struct volume){.survey_id = id,
@@ -521,7 +542,9 @@ int api_volume(struct volume *out, const struct anlos_image *given, uint64_t id,
                            .microphones_masked = v.microphones_masked,
                            .clipped_samples = v.clipped_samples,
                            .standing_left = v.standing_left,
-                           .standing_taken = v.standing_taken};
+                           .standing_taken = v.standing_taken,
+                           .movers = (const void *)v.movers,
+                           .n_movers = v.n_movers};
     return 0;
 }
 

@@ -10,9 +10,11 @@
 #include "recon/imaging/image_plan.h"
 #include "recon/static_array/clutter_map.h"
 #include "recon/static_array/first_return.h"
+#include "recon/static_array/velocity_filter.h"
 
-#define AGE_LIMIT  2.0  /* times what the pings of an image take when none is missing */
-#define NO_OVERLAP 0.99 /* of that time apart: no ping in common */
+#define MOVERS_EVERY 2    /* images */
+#define AGE_LIMIT    2.0  /* times what the pings of an image take when none is missing */
+#define NO_OVERLAP   0.99 /* of that time apart: no ping in common */
 
 struct round { /* of the speakers: a frame */
     uint32_t number;
@@ -24,9 +26,11 @@ struct static_array {
     struct static_array_config cfg;
     struct pool *pool;
     struct image_plan plan;
-    struct frames *frames; /* NULL: no survey yet */
-    size_t n_pings;        /* in an image */
-    float *intensity;      /* [nz][ny][nx] */
+    struct frames *frames;              /* NULL: no survey yet */
+    size_t n_pings;                     /* in an image */
+    float *intensity;                   /* [nz][ny][nx] */
+    struct velocity_filter *velocities; /* NULL: phases add up, or no plan view */
+    struct volume_mover movers[VOLUME_MOVERS];
     float complex *traces; /* [n_microphones][n_samples], the newest, muted */
     uint64_t *clipped;     /* [n_pings], ring */
     bool *subtracted;      /* [n_pings], ring: had a background */
@@ -64,6 +68,7 @@ void static_array_forget(struct static_array *s)
 {
     frames_destroy(s->frames);
     free(s->intensity);
+    velocity_filter_destroy(s->velocities);
     free(s->traces);
     free(s->clipped);
     free(s->subtracted);
@@ -72,6 +77,7 @@ void static_array_forget(struct static_array *s)
     image_plan_clear(&s->plan);
     s->frames = NULL;
     s->intensity = NULL;
+    s->velocities = NULL;
     s->traces = NULL;
     s->clipped = NULL;
     s->subtracted = NULL;
@@ -117,6 +123,18 @@ static struct frames_config configure(const struct static_array *s)
     return cfg;
 }
 
+static int create_velocities(struct static_array *s, const struct frames_config *cfg)
+{
+    const struct velocity_filter_config velocities = {
+        .grid = cfg->grid,
+        .n_pings = cfg->n_pings,
+        .turns_per_m = cfg->format.carrier_hz / cfg->geometry->sound_speed_m_s};
+
+    if (!s->cfg.moving_only || cfg->sum != FRAMES_POWER || cfg->grid.n[1] != 1)
+        return 0;
+    return velocity_filter_create(&s->velocities, &velocities);
+}
+
 static int allocate(struct static_array *s, struct error *why)
 {
     const struct frames_config cfg = configure(s);
@@ -137,8 +155,11 @@ static int allocate(struct static_array *s, struct error *why)
     s->clipped = calloc(s->n_pings, sizeof *s->clipped);
     s->subtracted = calloc(s->n_pings, sizeof *s->subtracted);
     s->blanked = calloc(s->n_pings, sizeof *s->blanked);
-    err = clutter_map_create(&s->clutter, &cfg.grid,
-                             (int64_t)(NO_OVERLAP * (double)cfg.max_age_ns / AGE_LIMIT));
+    err = create_velocities(s, &cfg);
+    if (!err)
+        err = clutter_map_create(
+            &s->clutter, &cfg.grid,
+            (int64_t)(NO_OVERLAP * (double)cfg.max_age_ns / AGE_LIMIT));
     return !err && s->intensity && s->traces && s->clipped && s->subtracted && s->blanked
                ? 0
                : error_say(why, -ENOMEM, "not enough memory for images of %zu voxels",
@@ -290,6 +311,15 @@ static double standing_part(const struct static_array *s)
     return 1.0 - (double)subtracted / (double)s->n_pings;
 }
 
+/* Looked for where what stands is in the image, which a background would tell from it. */
+static size_t find_movers(struct static_array *s, double standing)
+{
+    bool looks = standing > 0.0 && s->velocities && s->counts.images % MOVERS_EVERY == 0;
+
+    return looks ? velocity_filter_find(s->velocities, s->frames, s->intensity, s->movers)
+                 : 0;
+}
+
 void static_array_image(struct static_array *s, struct volume *out)
 {
     bool follows = s->has_path && s->plan.survey.has_mount;
@@ -297,6 +327,7 @@ void static_array_image(struct static_array *s, struct volume *out)
     s->motion.path = follows ? &s->path : NULL;
     frames_image(s->frames, &s->motion, s->intensity, &s->made);
     double part = s->cfg.moving_only ? standing_part(s) : 0.0;
+    size_t n_movers = find_movers(s, part);
     if (follows && part > 0.0)
         clutter_map_mute(s->clutter, &s->path, &s->motion.mount, s->made.stamp_ns, part,
                          s->intensity);
@@ -309,6 +340,8 @@ void static_array_image(struct static_array *s, struct volume *out)
     out->frame = s->round.number;
     out->method = "frames";
     out->standing_left = part > 0.0;
+    out->movers = s->movers;
+    out->n_movers = n_movers;
     out->standing_taken = s->cfg.moving_only && !(part > 0.0);
     if (!out->standing_left)
         out->newest = frames_newest(s->frames, &out->blocks);

@@ -94,6 +94,9 @@ static void a_volume_comes_back(void **state)
     float intensity[2][3][4];
     float newest[3][1][2], around[2][1][3];
     const float spots[2][4] = {{1.0f, -2.0f, 3.0f, 9.0f}, {0.5f, 0.0f, 1.0f, 0.0f}};
+    const struct volume_mover movers[2] = {
+        {{1.0f, 0.0f, 2.0f}, {-0.5f, 0.0f, 1.5f}, 20.0f},
+        {{-1.0f, 0.0f, 3.0f}, {0.5f, 0.0f, -1.5f}, 30.0f}};
     const struct volume v = {.survey_id = 11,
                              .capture_ns = 12,
                              .scan = 13,
@@ -123,7 +126,9 @@ static void a_volume_comes_back(void **state)
                              .microphones_masked = 18,
                              .clipped_samples = 19,
                              .standing_left = true,
-                             .standing_taken = true};
+                             .standing_taken = true,
+                             .movers = movers,
+                             .n_movers = 2};
     struct volume_view view;
     struct volume back;
     Anlos__Volume m;
@@ -159,10 +164,37 @@ static void a_volume_comes_back(void **state)
     assert_int_equal(back.microphones_masked, 18);
     assert_int_equal(back.clipped_samples, 19);
     assert_true(back.standing_left && back.standing_taken);
+    assert_int_equal(back.n_movers, 2);
+    assert_memory_equal(back.movers, movers, sizeof movers);
     came->step_m->y = 0.0; /* no grid */
     volume_from_message(&back, came, 0);
     assert_null(back.intensity);
     anlos__volume__free_unpacked(came, NULL);
+}
+
+/* From whoever sends: all of them, or none. */
+static void movers_that_none_could_be_are_none(void **state)
+{
+    (void)state;
+    struct volume_mover movers[VOLUME_MOVERS + 1];
+    struct volume v = {.movers = movers, .method = "frames"};
+
+    for (int wrong = 0; wrong < 5; wrong++) {
+        struct volume_view view;
+        struct volume back;
+        Anlos__Volume m;
+        for (int i = 0; i <= VOLUME_MOVERS; i++)
+            movers[i] = (struct volume_mover){.at_m = {0, 0, 1}, .power = 1.0f};
+        v.n_movers = wrong == 1 ? VOLUME_MOVERS + 1 : VOLUME_MOVERS;
+        movers[3].at_m[2] = wrong == 2 ? NAN : 1.0f;
+        movers[3].velocity_m_s[0] = wrong == 3 ? 341.0f : 1.0f;
+        movers[3].power = wrong == 4 ? 0.0f : 1.0f;
+        volume_to_message(&v, &view, &m);
+        Anlos__Volume *came = (Anlos__Volume *)sent(&m.base);
+        volume_from_message(&back, came, 0);
+        assert_int_equal(back.n_movers, wrong ? 0 : VOLUME_MOVERS);
+        anlos__volume__free_unpacked(came, NULL);
+    }
 }
 
 /* From whoever sends: not more of them than there are voxels. */
@@ -780,6 +812,7 @@ int main(void)
         cmocka_unit_test(traces_come_back),
         cmocka_unit_test(a_volume_comes_back),
         cmocka_unit_test(more_blocks_than_voxels_are_none),
+        cmocka_unit_test(movers_that_none_could_be_are_none),
         cmocka_unit_test(surroundings_that_do_not_hold_are_none),
         cmocka_unit_test(a_ping_is_read_as_it_was_sent),
         cmocka_unit_test(objects_are_listed_as_they_are),

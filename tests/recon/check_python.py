@@ -276,6 +276,9 @@ class Stages(unittest.TestCase):
         with self.assertRaisesRegex(ValueError, "beyond: expected 4 numbers a place, not 3"):
             detector.image(anlos.Image(image.intensity, image.origin_m, image.step_m,
                                        {**image.facts, "beyond": numpy.zeros((2, 3), "f4")}))
+        with self.assertRaisesRegex(ValueError, "movers: expected 7 numbers a mover, not 6"):
+            detector.image(anlos.Image(image.intensity, image.origin_m, image.step_m,
+                                       {**image.facts, "movers": numpy.zeros((2, 6), "f4")}))
 
     def row(self):
         """It looks ahead, from half a metre above the ground."""

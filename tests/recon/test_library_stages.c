@@ -416,6 +416,12 @@ static void traces_and_images_of_others_are_refused(void **state)
     IMAGE((wrong.beyond = beyond[0], wrong.n_beyond = 257), "256 at most");
     IMAGE((wrong.beyond = beyond[0], wrong.n_beyond = 2), "place 1 is none");
     IMAGE((wrong.beyond = below, wrong.n_beyond = 1), "place 0 is none");
+    static const float movers[2][7] = {{0.0f, 0.0f, 1.0f, 0.5f, 0.0f, 0.0f, 9.0f},
+                                       {0.0f, 0.0f, 1.0f, 0.5f, 0.0f, 0.0f, -1.0f}};
+    IMAGE(wrong.n_movers = 1, "movers of an image is NULL");
+    IMAGE((wrong.movers = movers[0], wrong.n_movers = 9), "8 at most");
+    IMAGE((wrong.movers = movers[0], wrong.n_movers = 2),
+          "movers of an image: 1 is none");
 #undef IMAGE
     ok(anlos_detector_image(d, &image, NULL, 0, &why)); /* empty: no objects */
     anlos_compressor_destroy(c);

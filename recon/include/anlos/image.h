@@ -42,6 +42,13 @@ struct anlos_image {
     const float *beyond; /* [n_beyond][4]: x, y, z in the array's frame, m, and how
                           * bright it is there, in the units of coarse; brightest first */
     size_t n_beyond;
+    /* Of a static array what moves by itself, as the phases of the pings tell, where what
+     * stands may be left in the image; a tracker is told earlier by it who moves.  NULL:
+     * nothing, or it was not looked for. */
+    const float *movers; /* [n_movers][7]: x, y, z in the array's frame, m, in the middle
+                          * of the pings' time; velocity x, y, z over ground, m/s; how
+                          * bright they are in phase, over the median of the image */
+    size_t n_movers;
 };
 
 #endif

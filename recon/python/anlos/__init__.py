@@ -391,14 +391,15 @@ class _Stage:
     def _image(self):
         s = self._filled("image")
         facts = _values(s)
-        for name in ("size", "intensity", "n", "newest_n", "coarse_n", "n_beyond"):
+        for name in ("size", "intensity", "n", "newest_n", "coarse_n", "n_beyond", "n_movers"):
             del facts[name]
         for name, n in (("newest", s.newest_n), ("coarse", s.coarse_n),
-                        ("beyond", (4, s.n_beyond, 1))):
+                        ("beyond", (4, s.n_beyond, 1)), ("movers", (7, s.n_movers, 1))):
             there = getattr(s, name) != _ffi.NULL
             facts[name] = _copied(getattr(s, name), n) if there else None
-        if facts["beyond"] is not None:
-            facts["beyond"] = facts["beyond"][0]
+        for name in _ROWS:
+            if facts[name] is not None:
+                facts[name] = facts[name][0]
         return Image(_copied(s.intensity, s.n), facts.pop("origin_m"), facts.pop("step_m"),
                      facts)
 
@@ -621,19 +622,23 @@ class StaticArray(_OnVehicle, _TakesTraces):
         super().__init__("static_array", survey, "static", config)
 
 
+_ROWS = {"beyond": ("place", 4), "movers": ("mover", 7)}
+
+
 def _image_struct(image):
     """struct anlos_image, of arrays where they lie, and what has to live as long."""
-    arrays = {name: image.facts.get(name) for name in ("newest", "coarse", "beyond")}
+    arrays = {name: image.facts.get(name) for name in ("newest", "coarse", *_ROWS)}
     s, held = _filled_in("image", {k: v for k, v in image.facts.items() if k not in arrays})
     s.origin_m, s.step_m = list(image.origin_m), list(image.step_m)
     for name, x in (("intensity", image.intensity), *arrays.items()):
         if x is None:
             continue
-        x = _array(x, numpy.float32, 2 if name == "beyond" else 3, name)
-        if name == "beyond":
-            if x.shape[1] != 4:
-                raise ValueError(f"beyond: expected 4 numbers a place, not {x.shape[1]}")
-            s.n_beyond = len(x)
+        x = _array(x, numpy.float32, 2 if name in _ROWS else 3, name)
+        if name in _ROWS:
+            what, n = _ROWS[name]
+            if x.shape[1] != n:
+                raise ValueError(f"{name}: expected {n} numbers a {what}, not {x.shape[1]}")
+            setattr(s, "n_" + name, len(x))
         else:
             setattr(s, "n" if name == "intensity" else name + "_n", x.shape[::-1])
         held.append(_ffi.from_buffer("float[]", x))
