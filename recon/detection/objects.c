@@ -228,6 +228,13 @@ void objects_list(struct object_list *out, const struct survey *s,
         out->objects[i] = object_of((uint32_t)i + 1, s, walls, &detections[i]);
 }
 
+void objects_add(struct object_list *out, const struct survey *s,
+                 const struct walls *walls, const struct detection *detection)
+{
+    out->objects[out->n] = object_of((uint32_t)out->n + 1, s, walls, detection);
+    out->n++;
+}
+
 static size_t drop_unlikely(struct detection *found, size_t n, double min_existence)
 {
     size_t kept = 0;

@@ -45,6 +45,9 @@ struct object {
     double lately;       /* as struct detection has it; of no track */
     double proven;       /* 0..1, as single pings tell (struct detection); of no track */
     double level_db;     /* above the noise floor of the image */
+    bool moves;          /* by itself, so the phases of the image's pings have it (struct
+                            volume_mover); of no track */
+    double course_m_s[2], course_power; /* then: x, z in the array frame, as imaged */
     struct shape_guess shape;
     unsigned at_border; /* PEAK_BORDER (recon/detection/peak.h) */
     enum multipath multipath;
@@ -86,6 +89,10 @@ void objects_resolution(struct detect_config *cfg, const struct survey *s,
 int objects_find(struct object_list *out, const struct survey *s,
                  const struct walls *walls, const struct detect_config *cfg,
                  double min_existence, const struct grid *grid, const float *intensity);
+
+/* One more at the end of a list that has room. */
+void objects_add(struct object_list *out, const struct survey *s,
+                 const struct walls *walls, const struct detection *detection);
 
 /* The places alone; detections[n], n <= OBJECTS_MAX. */
 void objects_list(struct object_list *out, const struct survey *s,

@@ -310,6 +310,7 @@ static void take_detection(const struct object_tracker *t, const struct sight *s
     sight_wall_error(sight, o->place.wall, v, wall_m2);
     *out = (struct track_detection){.existence = o->existence,
                                     .proven = o->proven,
+                                    .moves = o->moves,
                                     .mirror = o->place.wall,
                                     .power = pow(10.0, 0.1 * o->level_db),
                                     .remains = volume->standing_taken ? remains(o) : 0.0,
@@ -328,6 +329,8 @@ static void take_detection(const struct object_tracker *t, const struct sight *s
                              o->middle_m[2] - v[2]};
     sight_way(sight, o->place.wall, way_m, out->middle_m);
     sight_direction(sight, o->place.wall, out->position_m, out->sight);
+    const double course_m_s[3] = {o->course_m_s[0], 0.0, o->course_m_s[1]};
+    sight_way(sight, o->place.wall, course_m_s, out->course_m_s);
 }
 
 static bool is_behind_a_wall(const struct sight *sight, const struct object *o)

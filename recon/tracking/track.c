@@ -8,17 +8,21 @@
 
 #include "recon/tracking/track_state.h"
 
-#define STEADY_PSD_M2_S3 0.02       /* hardly accelerates at all */
-#define EXTENT_SHARE     0.3        /* of the newest look at it */
-#define STARTED          TRACKS_MAX /* owner of what a track begins with */
-#define NEWCOMER_M       1.5        /* from anybody who is known */
-#define FAINT            0.3        /* of the usual power: below it is doubted */
-#define USUAL_LOOKS      5.0        /* that the usual is a mean of */
-#define WAKE_S           0.5        /* so long ago somebody was where he still echoes */
-#define MISSED_LOOKS     0.5        /* after more of them it may be something else */
-#define LONGEST_S        60.0       /* nothing is predicted farther */
-#define REACH_M          1.0        /* existence is that of something so near */
-#define SECOND_NS        1000000000u
+#define COURSES           3 /* in a row: it does move */
+#define COURSE_ALONG_M_S  0.6
+#define COURSE_ACROSS_M_S 1.5
+#define COURSE_SURE       0.97
+#define STEADY_PSD_M2_S3  0.02       /* hardly accelerates at all */
+#define EXTENT_SHARE      0.3        /* of the newest look at it */
+#define STARTED           TRACKS_MAX /* owner of what a track begins with */
+#define NEWCOMER_M        1.5        /* from anybody who is known */
+#define FAINT             0.3        /* of the usual power: below it is doubted */
+#define USUAL_LOOKS       5.0        /* that the usual is a mean of */
+#define WAKE_S            0.5        /* so long ago somebody was where he still echoes */
+#define MISSED_LOOKS      0.5        /* after more of them it may be something else */
+#define LONGEST_S         60.0       /* nothing is predicted farther */
+#define REACH_M           1.0        /* existence is that of something so near */
+#define SECOND_NS         1000000000u
 
 /* An echo may come from any height of a body: by how much bodies differ in the mean of
  * all is less.  The mean square of it over an array at 0.4 m is 0.26 m2, give or take
@@ -160,6 +164,21 @@ static enum track_motion judge_motion(const struct track *k)
     return k->motion;
 }
 
+/* Noise may go along a course, but not along the same one again. */
+static void follow_course(const struct track_position *p, const double sight[2],
+                          struct track *k)
+{
+    const double *v = p->velocity_m_s;
+    const double turn_m_s[2] = {v[0] - k->course_m_s[0], v[1] - k->course_m_s[1]};
+    double along_m_s = turn_m_s[0] * sight[0] + turn_m_s[1] * sight[1];
+    double across_m_s = turn_m_s[1] * sight[0] - turn_m_s[0] * sight[1];
+    bool again = fabs(along_m_s) < COURSE_ALONG_M_S &&
+                 fabs(across_m_s) < COURSE_ACROSS_M_S;
+
+    k->courses = again ? k->courses + 1 : 1;
+    memcpy(k->course_m_s, v, sizeof k->course_m_s);
+}
+
 /* After a gap or a jump it may be another thing that is seen: what moves is seen moving.
  * Images without what stands show it move; in others the track itself has to, at first
  * steadily; once it has a name it may turn.  So has what a background may have left: of
@@ -169,17 +188,21 @@ static void judge_rest(const struct tracker *t, const struct track_scan *scan,
                        double fresh, struct track *k)
 {
     const struct track_rest_look *look = &t->looks[k->detection];
+    bool goes = scan->detections[k->detection].moves;
     double power = scan->detections[k->detection].power;
     bool taken = !scan->standing_left;
 
     if (k->missed > MISSED_LOOKS || track_rest_jumps(&k->rest, look))
         k->rest = (struct track_rest){.looks = 0.0};
     k->missed = 0.0;
+    if (goes)
+        follow_course(&t->positions[k->detection], k->body.sight, k);
     if (look->range_m > 0.0)
         track_rest_add(&k->rest, look, fresh, scan->stamp_ns, t->cfg.rest_s);
     k->power += (k->power > 0.0 ? EXTENT_SHARE : 1.0) * (power - k->power);
     if ((taken && (k->id || k->power >= scan->detections[k->detection].remains)) ||
-        track_rest_moves(&k->rest, taken) || (k->id && track_rest_misfit(&k->rest) > 1.0))
+        track_rest_moves(&k->rest, taken) || (goes && k->courses >= COURSES) ||
+        (k->id && track_rest_misfit(&k->rest) > 1.0))
         k->moves_ns = scan->stamp_ns;
 }
 
@@ -264,6 +287,8 @@ static void prove(const struct tracker *t, const struct track_scan *scan, struct
             return;
     }
     track_life_prove(&k->life, &t->life, scan->detections[k->detection].proven);
+    if (k->courses >= COURSES)
+        track_life_prove(&k->life, &t->life, COURSE_SURE);
 }
 
 /* The part of the scan's detections that belongs to the track. */

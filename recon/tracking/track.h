@@ -88,9 +88,11 @@ struct track_detection {
     double remains; /* a power: what is fainter may be left there of a background that was
                        subtracted, and has to move before it is named; 0: none is */
     double proven;  /* 0..1: by pings one by one; 0: not known */
-    double power;   /* of its echo, any unit, > 0 */
-    double lag_s;   /* recon/tracking/track_filter.h */
-    double middle_m[2]; /* of all that is bright there, from its place */
+    bool moves;     /* by itself: so the phases of the image's pings have it, */
+    double course_m_s[2]; /* with this velocity over ground, along the vehicle's axes */
+    double power;         /* of its echo, any unit, > 0 */
+    double lag_s;         /* recon/tracking/track_filter.h */
+    double middle_m[2];   /* of all that is bright there, from its place */
     bool height_assumed;
     double along_m, range_m; /* as the array heard it, from track_array.at_m */
     double sight[2]; /* along which it was heard, away from the wall; unit, or 0 */

@@ -4,7 +4,8 @@
 #include <math.h>
 #include <string.h>
 
-#define LEAST_M2 1e-8 /* a covariance that says "exactly" is not believed: 0.1 mm */
+#define VELOCITY_GATE 13.8 /* chi-squared, 2 */
+#define LEAST_M2      1e-8 /* a covariance that says "exactly" is not believed: 0.1 mm */
 
 double track_filter_distance2(const double v[2], const double c[2][2])
 {
@@ -18,25 +19,6 @@ static void noise(const struct track_position *p, double r[2][2])
     memcpy(r, p->covariance_m2, sizeof p->covariance_m2);
     r[0][0] += LEAST_M2;
     r[1][1] += LEAST_M2;
-}
-
-void track_filter_start(struct track_filter *f, const struct track_position *p,
-                        double speed_m_s)
-{
-    double speed2 = speed_m_s * speed_m_s;
-    double r[2][2];
-
-    noise(p, r);
-    memset(f, 0, sizeof *f);
-    for (int i = 0; i < 2; i++) {
-        f->state[i] = p->at_m[i];
-        f->covariance[2 + i][2 + i] = speed2;
-        f->covariance[i][2 + i] = f->covariance[2 + i][i] = -speed2 * p->lag_s;
-        for (int j = 0; j < 2; j++)
-            f->covariance[i][j] = r[i][j] + (i == j ? speed2 * p->lag_s * p->lag_s : 0.0);
-    }
-    f->height_m = p->height_m;
-    f->height_m2 = p->height_m2;
 }
 
 void track_filter_predict(struct track_filter *f, double dt_s, double psd_m2_s3)
@@ -59,28 +41,37 @@ void track_filter_predict(struct track_filter *f, double dt_s, double psd_m2_s3)
     }
 }
 
-/* Residual, its covariance s, and across = covariance h', where a state shows as
- * h state = position + lag velocity. */
-static void compare(const struct track_filter *f, const struct track_position *p,
+/* A state shows as of_position position + of_velocity velocity. */
+struct shown {
+    double of_position, of_velocity;
+    const double *at, (*noise)[2];
+};
+
+/* Residual, its covariance s, and across = covariance h'. */
+static void compare(const struct track_filter *f, const struct shown *m,
                     double residual[2], double s[2][2], double across[4][2])
 {
     for (int i = 0; i < 4; i++)
         for (int j = 0; j < 2; j++)
-            across[i][j] = f->covariance[i][j] + p->lag_s * f->covariance[i][2 + j];
-    noise(p, s);
+            across[i][j] = m->of_position * f->covariance[i][j] +
+                           m->of_velocity * f->covariance[i][2 + j];
     for (int i = 0; i < 2; i++) {
-        residual[i] = p->at_m[i] - f->state[i] - p->lag_s * f->state[2 + i];
+        residual[i] = m->at[i] - m->of_position * f->state[i] -
+                      m->of_velocity * f->state[2 + i];
         for (int j = 0; j < 2; j++)
-            s[i][j] += across[i][j] + p->lag_s * across[2 + i][j];
+            s[i][j] = m->noise[i][j] +
+                      (m->of_position * across[i][j] + m->of_velocity * across[2 + i][j]);
     }
 }
 
 struct track_match track_filter_match(const struct track_filter *f,
                                       const struct track_position *p)
 {
-    double residual[2], s[2][2], across[4][2];
+    double residual[2], r[2][2], s[2][2], across[4][2];
 
-    compare(f, p, residual, s, across);
+    noise(p, r);
+    const struct shown place = {1.0, p->lag_s, p->at_m, (const double(*)[2])r};
+    compare(f, &place, residual, s, across);
     double d2 = track_filter_distance2(residual, (const double(*)[2])s);
     struct track_match m = {.distance2 = d2};
     m.density = exp(-0.5 * d2) /
@@ -93,15 +84,14 @@ struct track_match track_filter_match(const struct track_filter *f,
 }
 
 /* Joseph's form keeps the covariance positive: (I - K h) C (I - K h)' + K R K'. */
-static void shrink(struct track_filter *f, const struct track_position *p,
-                   const double gain[4][2])
+static void shrink(struct track_filter *f, const struct shown *m, const double gain[4][2])
 {
-    double r[2][2], keep[4][4], half[4][4], out[4][4];
+    double keep[4][4], half[4][4], out[4][4];
 
-    noise(p, r);
     for (int i = 0; i < 4; i++)
         for (int j = 0; j < 4; j++)
-            keep[i][j] = (i == j) - gain[i][j % 2] * (j < 2 ? 1.0 : p->lag_s);
+            keep[i][j] = (i == j) -
+                         gain[i][j % 2] * (j < 2 ? m->of_position : m->of_velocity);
     for (int i = 0; i < 4; i++)
         for (int j = 0; j < 4; j++) {
             half[i][j] = 0.0;
@@ -115,7 +105,7 @@ static void shrink(struct track_filter *f, const struct track_position *p,
                 out[i][j] += half[i][k] * keep[j][k];
             for (int k = 0; k < 2; k++)
                 for (int l = 0; l < 2; l++)
-                    out[i][j] += gain[i][k] * r[k][l] * gain[j][l];
+                    out[i][j] += gain[i][k] * m->noise[k][l] * gain[j][l];
         }
     for (int i = 0; i < 4; i++)
         for (int j = 0; j < 4; j++)
@@ -135,17 +125,57 @@ static void update_height(struct track_filter *f, const struct track_position *p
     f->height_m2 *= 1.0 - gain;
 }
 
-void track_filter_update(struct track_filter *f, const struct track_position *p)
+static void update(struct track_filter *f, const struct shown *m, double gate2)
 {
     double residual[2], s[2][2], across[4][2], gain[4][2];
 
-    compare(f, p, residual, s, across);
+    compare(f, m, residual, s, across);
+    if (track_filter_distance2(residual, (const double(*)[2])s) > gate2)
+        return;
     double det = s[0][0] * s[1][1] - s[0][1] * s[1][0];
     for (int i = 0; i < 4; i++) {
         gain[i][0] = (across[i][0] * s[1][1] - across[i][1] * s[1][0]) / det;
         gain[i][1] = (across[i][1] * s[0][0] - across[i][0] * s[0][1]) / det;
         f->state[i] += gain[i][0] * residual[0] + gain[i][1] * residual[1];
     }
-    shrink(f, p, (const double(*)[2])gain);
+    shrink(f, m, (const double(*)[2])gain);
+}
+
+static void update_velocity(struct track_filter *f, const struct track_position *p)
+{
+    const struct shown velocity = {0.0, 1.0, p->velocity_m_s, p->velocity_m2_s2};
+
+    if (p->has_velocity)
+        update(f, &velocity, VELOCITY_GATE);
+}
+
+void track_filter_update(struct track_filter *f, const struct track_position *p)
+{
+    double r[2][2];
+
+    noise(p, r);
+    const struct shown place = {1.0, p->lag_s, p->at_m, (const double(*)[2])r};
+    update(f, &place, INFINITY);
     update_height(f, p);
+    update_velocity(f, p);
+}
+
+void track_filter_start(struct track_filter *f, const struct track_position *p,
+                        double speed_m_s)
+{
+    double speed2 = speed_m_s * speed_m_s;
+    double r[2][2];
+
+    noise(p, r);
+    memset(f, 0, sizeof *f);
+    for (int i = 0; i < 2; i++) {
+        f->state[i] = p->at_m[i];
+        f->covariance[2 + i][2 + i] = speed2;
+        f->covariance[i][2 + i] = f->covariance[2 + i][i] = -speed2 * p->lag_s;
+        for (int j = 0; j < 2; j++)
+            f->covariance[i][j] = r[i][j] + (i == j ? speed2 * p->lag_s * p->lag_s : 0.0);
+    }
+    f->height_m = p->height_m;
+    f->height_m2 = p->height_m2;
+    update_velocity(f, p);
 }

@@ -7,7 +7,10 @@
  * An image shows its objects as they were some time before its stamp (its pings are of
  * several instants, and recon/static_array/range_doppler.h), so
  *
- *   measured = position + lag velocity + noise. */
+ *   measured = position + lag velocity + noise.
+ *
+ * Where its velocity was measured as well, by the phases of pings, that counts once the
+ * position has, unless it is none that the track could have (one of 1000). */
 #ifndef ANLOS_RECON_TRACKING_TRACK_FILTER_H
 #define ANLOS_RECON_TRACKING_TRACK_FILTER_H
 
@@ -27,9 +30,12 @@ struct track_position { /* a measured one, in the frame of the filter */
     double lag_s;           /* of the measured instant after the stamp; below 0: before */
     double height_m, height_m2;
     bool height_assumed; /* the same prior each time: not averaged */
+    bool has_velocity;   /* was measured, too */
+    double velocity_m_s[2], velocity_m2_s2[2][2];
 };
 
-/* Velocity is 0 +- speed_m_s on each axis until a second position comes. */
+/* Velocity is 0 +- speed_m_s on each axis until a second position comes, or it is
+ * measured. */
 void track_filter_start(struct track_filter *f, const struct track_position *p,
                         double speed_m_s);
 

@@ -37,6 +37,8 @@ struct track {
     double waited;              /* for that: looks in which no mirror showed it */
     bool merged;                /* into another one */
     double as_one;              /* looks, that it has gone with an older one as one */
+    unsigned courses;           /* images in a row whose phases have had it moving, */
+    double course_m_s[2];       /* with this velocity lately */
     size_t detection;
 };
 

@@ -95,6 +95,57 @@ static void noise_is_not_learnt_while_a_background_begins(void **state)
     detector_clear(&d);
 }
 
+/* Beside one that stands out, and where nothing does. */
+static void what_moves_is_an_object_where_it_does_not_stand_out(void **state)
+{
+    const struct volume_mover movers[3] = {
+        {{0.4f, 0.0f, 2.0f}, {0.3f, 0.0f, -1.2f}, 20.0f},
+        {{-0.6f, 0.0f, 0.8f + 1.6f}, {1.0f, 0.0f, 0.5f}, 12.0f},
+        {{0.5f, 0.0f, 2.1f}, {-0.3f, 0.0f, 1.2f}, 15.0f}};
+    unsigned long long seed = 3;
+    float *image = malloc(CELLS * sizeof *image);
+    struct object_list list;
+    struct error why;
+    struct detector d;
+
+    (void)state;
+    assert_non_null(image);
+    start(&d);
+    for (size_t i = 0; i < CELLS; i++)
+        image[i] = (float)-log(reference_random(&seed));
+    for (size_t z = 74; z <= 76; z++) /* x 0.4, z 2.0 */
+        for (size_t x = 99; x <= 101; x++)
+            image[z * NX + x] = x == 100 && z == 75 ? 2000.0f : 500.0f;
+    struct volume v = {.survey_id = d.survey_id,
+                       .capture_ns = 400000000,
+                       .frame = 1,
+                       .grid = grid,
+                       .intensity = image,
+                       .method = "frames",
+                       .sound_speed_m_s = 343.0,
+                       .pings_used = 8,
+                       .pings_expected = 8,
+                       .standing_left = true};
+    const struct walls none = {.n = 0};
+    assert_int_equal(detector_volume(&d, &v, &none, &list, &why), 0);
+    assert_int_equal(list.n, 1);
+    assert_false(list.objects[0].moves);
+    v.movers = movers;
+    v.n_movers = 3;
+    assert_int_equal(detector_volume(&d, &v, &none, &list, &why), 0);
+    assert_int_equal(list.n, 2);
+    const struct object *bright = &list.objects[0], *faint = &list.objects[1];
+    assert_true(bright->moves && faint->moves);
+    assert_near(bright->course_m_s[0], 0.3, 1e-6); /* of the brighter one beside it */
+    assert_near(bright->course_m_s[1], -1.2, 1e-6);
+    assert_near(faint->virtual_m[0], -0.6, 1e-6);
+    assert_near(faint->virtual_m[2], 2.4, 1e-6);
+    assert_near(faint->existence, 0.5, 1e-6);
+    assert_near(faint->level_db, 10.0 * log10(12.0), 1e-6);
+    free(image);
+    detector_clear(&d);
+}
+
 /* What it had while it stood serves one that sets off, until more is known. */
 static void one_that_sets_off_knows_noise_already(void **state)
 {
@@ -143,6 +194,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(what_stands_makes_no_noise_where_it_was_taken_away),
         cmocka_unit_test(noise_is_not_learnt_while_a_background_begins),
+        cmocka_unit_test(what_moves_is_an_object_where_it_does_not_stand_out),
         cmocka_unit_test(one_that_sets_off_knows_noise_already),
         cmocka_unit_test(what_is_held_is_within_its_reach_wherever_it_is),
     };

@@ -912,6 +912,49 @@ static void what_stands_in_the_image_is_not_told(void **state)
     assert_near(r->reports[0].velocity_m_s[1], 1.2, 0.1);
 }
 
+static void see_go(struct rig *r, double x, double y, double vx, double vy)
+{
+    see_heard(r, x, y);
+    struct track_detection *d = &r->detections[r->scan.n - 1];
+    d->moves = true;
+    d->course_m_s[0] = vx;
+    d->course_m_s[1] = vy;
+    d->sight[0] = 1.0;
+}
+
+/* Far sooner than by its places: by its third image. */
+static void whose_phases_go_along_a_course_is_told_beside_what_stands(void **state)
+{
+    struct rig *r = *state;
+
+    begin_with_what_stands(r);
+    for (int k = 0; k < 3; k++) {
+        assert_int_equal(r->n, 0);
+        see_heard(r, 4.0, 2.0);
+        see_go(r, 5.0 - 0.03 * k, -2.0 + 0.06 * k, -0.6, 1.2);
+        step_after(r, 2 * PING_NS);
+    }
+    assert_int_equal(r->n, 1);
+    assert_near(r->reports[0].position_m[0], 4.94 + 0.09, 0.05); /* his front is heard */
+    assert_near(r->reports[0].velocity_m_s[0], -0.6, 0.2);
+    assert_near(r->reports[0].velocity_m_s[1], 1.2, 0.6);
+    assert_true(r->reports[0].existence > 0.95);
+}
+
+/* Noise: each time another way, along the sight of it or across. */
+static void whose_courses_do_not_agree_is_not_told(void **state)
+{
+    struct rig *r = *state;
+
+    begin_with_what_stands(r);
+    for (int k = 0; k < 8; k++) {
+        see_go(r, 5.0, -2.0, k % 2 ? 1.0 : 0.0, 0.5);
+        see_go(r, 5.0, 2.0, 0.8, k % 2 ? -1.0 : 1.0);
+        step_after(r, 2 * PING_NS);
+        assert_int_equal(r->n, 0);
+    }
+}
+
 static void once_a_background_is_taken_away_it_is_told(void **state)
 {
     struct rig *r = *state;
@@ -1158,6 +1201,8 @@ int main(void)
         TEST(as_many_as_there_can_be),
         TEST(values_out_of_range_are_refused),
         TEST(what_stands_in_the_image_is_not_told),
+        TEST(whose_phases_go_along_a_course_is_told_beside_what_stands),
+        TEST(whose_courses_do_not_agree_is_not_told),
         TEST(once_a_background_is_taken_away_it_is_told),
         TEST(what_a_background_leaves_has_to_move),
         TEST(what_a_background_cannot_have_left_is_told_at_rest),

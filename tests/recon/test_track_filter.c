@@ -195,6 +195,50 @@ static void errors_are_as_large_as_the_covariance_says(void **state)
 }
 
 /* On a fine grid the density of where a position may show adds up to 1. */
+/* Beside a prior of 2 m/s one of 0.5 m/s weighs 16 to 17: 1.2 becomes 1.2 16 / 17, with
+ * a variance of 1 / (1/4 + 1/0.25).  What is over 13.8 in chi-squared counts for
+ * nothing. */
+static void a_measured_velocity_is_weighed_against_what_is_known(void **state)
+{
+    struct track_filter f;
+    struct track_position p = measured(1.0, 2.0, 0.1);
+
+    (void)state;
+    p.has_velocity = true;
+    p.velocity_m_s[0] = 1.2;
+    p.velocity_m2_s2[0][0] = p.velocity_m2_s2[1][1] = 0.25;
+    track_filter_start(&f, &p, 2.0);
+    assert_near(f.state[0], 1.0, 1e-12);
+    assert_near(f.state[2], 1.2 * 16.0 / 17.0, 1e-12);
+    assert_near(f.state[3], 0.0, 1e-12);
+    assert_near(f.covariance[2][2], 1.0 / 4.25, 1e-12);
+    assert_near(f.covariance[0][0], 0.01, 1e-7);
+    const double limit_m_s = sqrt(13.8 * (1.0 / 4.25 + 0.25));
+    for (int beyond = 0; beyond < 2; beyond++) {
+        struct track_filter was = f;
+        p.velocity_m_s[0] = f.state[2] + (beyond ? 1.001 : 0.999) * limit_m_s;
+        p.velocity_m_s[1] = f.state[3];
+        track_filter_update(&was, &p);
+        assert_true((was.covariance[3][3] == f.covariance[3][3]) == beyond);
+    }
+}
+
+/* A place and a velocity at once know it as soon as two places do. */
+static void with_its_velocity_it_is_known_where_it_will_be(void **state)
+{
+    struct track_filter f;
+    struct track_position p = measured(1.0, 2.0, 0.1);
+
+    (void)state;
+    p.has_velocity = true;
+    p.velocity_m_s[1] = -1.5;
+    p.velocity_m2_s2[0][0] = p.velocity_m2_s2[1][1] = 1e-6;
+    track_filter_start(&f, &p, 2.5);
+    track_filter_predict(&f, 2.0, 0.0);
+    assert_near(f.state[1], -1.0, 1e-5);
+    assert_near(f.covariance[1][1], 0.01, 1e-4);
+}
+
 static void the_density_is_one_altogether(void **state)
 {
     struct track_filter f;
@@ -239,6 +283,8 @@ int main(void)
         cmocka_unit_test(uncertainty_grows_as_it_should),
         cmocka_unit_test(a_position_that_lags_is_taken_for_when_it_was),
         cmocka_unit_test(errors_are_as_large_as_the_covariance_says),
+        cmocka_unit_test(a_measured_velocity_is_weighed_against_what_is_known),
+        cmocka_unit_test(with_its_velocity_it_is_known_where_it_will_be),
         cmocka_unit_test(the_density_is_one_altogether),
         cmocka_unit_test(a_height_that_is_assumed_is_not_averaged),
     };
