@@ -19,12 +19,13 @@
 
 /* About a place, across and along the sight of it.  Along, a third of a wavelength apart
  * at 20 kHz; a course's two ends are laid out in the same way. */
-#define ACROSS_RAD  0.015 /* half of a wave at 11 kHz over a metre of microphones */
-#define ACROSS_M    0.06  /* at most, */
-#define FINEST_M    0.03  /* and at least */
-#define END_ACROSS  0.8   /* of that */
-#define ALONG_M     0.005
-#define END_ALONG_M 0.006
+#define ACROSS_RAD 0.015 /* half of a wave at 11 kHz over a metre of microphones */
+#define ACROSS_M   0.06  /* at most, */
+#define FINEST_M   0.03  /* and at least */
+#define END_ACROSS 0.8   /* of that */
+enum { ALONG_MM = 5, END_ALONG_MM = 6 };
+#define ALONG_M     (1e-3 * ALONG_MM)
+#define END_ALONG_M (1e-3 * END_ALONG_MM)
 enum { ACROSS = 2, ALONG = 4, N_ACROSS = 2 * ACROSS + 1, N_ALONG = 2 * ALONG + 1 };
 enum { ENDS_ACROSS = 24, ENDS_ALONG = 96 };
 
@@ -41,16 +42,14 @@ enum { TURNS = 9, PLANES = 17 };
 #define SAME_M   0.3
 enum { PLACES_MAX = 64, PEAK_X = 3, PEAK_Z = 6 };
 
-/* The part of the image that all courses of a place lie in. */
+/* The part of the image that all courses of a place lie in, and where these bend. */
 #define NEAREST_M 0.5
-#define BENT_M    0.2
-enum { COLUMNS = 48, ROWS = 324, PATCH = COLUMNS * ROWS };
+enum { BENT_MM = 200 };
+#define BENT_M (1e-3 * BENT_MM)
+enum { COLUMNS = 2 * (ACROSS + 3 + ENDS_ACROSS * 4 / 5) };
+enum { ROWS = 2 * (ALONG + 3 + (ENDS_ALONG * END_ALONG_MM + BENT_MM) / ALONG_MM) };
+enum { PATCH = COLUMNS * ROWS };
 enum { LANES = 8 }; /* N_ACROSS of them count */
-
-_Static_assert(2 * (ACROSS + 2) + 2 * ENDS_ACROSS * END_ACROSS < COLUMNS - 1, "");
-_Static_assert(2 * (ALONG + 1) * ALONG_M + 2 * (ENDS_ALONG * END_ALONG_M + BENT_M) <
-                   (ROWS - 1) * ALONG_M,
-               "");
 
 struct velocity_filter {
     struct velocity_filter_config cfg;
@@ -274,7 +273,7 @@ static void take_patch(struct velocity_filter *v, const struct sight *s,
             cexp(-2.0 * M_PI * I *
                  (turns->across * across_m - turns->along * ALONG_M * c->rows));
         for (size_t z = 0; z < rows; z++, back *= conj(turns->step)) {
-            double complex e = CMPLX(*re++, *im++) * back;
+            double complex e = ((double)*re++ + I * (double)*im++) * back;
             v->patch[z][0][x] = (float)creal(e);
             v->patch[z][1][x] = (float)cimag(e);
         }
