@@ -143,9 +143,9 @@ static bool is_image(const struct grid *grid, const float *intensity)
  */
 
 #define MOVER_M 0.4 /* from an object: of it */
-#define MOVER_ACROSS_M                                                                   \
-    0.1 /* deviations of where one is; a course is looked for in steps */
-#define MOVER_ALONG_M 0.04
+/* Deviations of where one is: a course is looked for in steps. */
+#define MOVER_ACROSS_M 0.1
+#define MOVER_ALONG_M  0.04
 
 static struct object *object_near(struct object_list *list, const struct volume_mover *m)
 {
@@ -175,7 +175,7 @@ static struct object *add_mover(const struct detector *d,
                                 const struct walls *walls, struct object_list *out)
 {
     double x_m = (double)mover->at_m[0], z_m = (double)mover->at_m[2];
-    double range_m = hypot(x_m, z_m), sine = x_m / range_m, cosine = z_m / range_m;
+    double angle_rad = atan2(x_m, z_m), sine = sin(angle_rad), cosine = cos(angle_rad);
     double across2 = MOVER_ACROSS_M * MOVER_ACROSS_M;
     double along2 = MOVER_ALONG_M * MOVER_ALONG_M;
     struct detection one = {

@@ -750,13 +750,18 @@ void frames_image(struct frames *f, const struct frames_motion *motion, float *i
 /* -- the echoes of single pings ---------------------------------------------------------
  */
 
+static bool is_look(const struct held *h)
+{
+    return h->counts && h->scale > 0.0f;
+}
+
 size_t frames_looks(const struct frames *f, struct frames_look *looks)
 {
     size_t n = 0, n_mic = f->geometry.n_microphones;
 
     for (size_t k = 0; k < f->cfg.n_pings; k++) {
         const struct held *h = &f->held[k];
-        if (!h->counts || !(h->scale > 0.0f))
+        if (!is_look(h))
             continue;
         struct frames_look *one = &looks[n++];
         *one = (struct frames_look){
@@ -775,7 +780,7 @@ static const struct held *counted(const struct frames *f, size_t number)
 {
     const struct held *h = f->held;
 
-    while (!h->counts || !(h->scale > 0.0f) || number-- > 0)
+    while (!is_look(h) || number-- > 0)
         h++;
     return h;
 }
@@ -915,6 +920,6 @@ void frames_echoes(struct frames *f, enum frames_thing thing, const double (*at_
                        .out = echoes};
 
     for (size_t k = 0; k < f->cfg.n_pings; k++)
-        e.n_pings += f->held[k].counts && f->held[k].scale > 0.0f;
+        e.n_pings += is_look(&f->held[k]);
     pool_run(f->cfg.pool, e.n_pings * e.parts, take_echoes, &e);
 }

@@ -287,7 +287,7 @@ static void prove(const struct tracker *t, const struct track_scan *scan, struct
             return;
     }
     track_life_prove(&k->life, &t->life, scan->detections[k->detection].proven);
-    if (k->courses >= COURSES)
+    if (k->courses >= COURSES && scan->detections[k->detection].moves)
         track_life_prove(&k->life, &t->life, COURSE_SURE);
 }
 

@@ -37,7 +37,7 @@ struct track {
     double waited;              /* for that: looks in which no mirror showed it */
     bool merged;                /* into another one */
     double as_one;              /* looks, that it has gone with an older one as one */
-    unsigned courses;           /* images in a row whose phases have had it moving, */
+    unsigned courses;           /* times that phases had it moving, one like the other, */
     double course_m_s[2];       /* with this velocity lately */
     size_t detection;
 };
