@@ -12,10 +12,12 @@
  * each speaker (whose bright spot goes with the speakers that sound in turn).  What is
  * brighter along a course than any of these moves by itself, and is known to after one
  * image: no background is asked for.  What goes as these do is not told, nor what is
- * slower than 0.5 m/s or faster than 2.4 along the sight or across it; what is 20 dB
- * fainter than something else that is as far away may be a lobe of it.  (Matched
- * filtering along hypothesised courses: Reed, Gagliardi and Stotts 1983, "Optical moving
- * target detection with 3-D matched filtering", IEEE Trans. AES-24.) */
+ * slower than 0.5 m/s or faster than 2.4 along the sight or across it; what is 3 dB
+ * fainter than something as far away to 8 cm, or 11 dB fainter than something whose lobes
+ * may lie there, is taken for its lobe; of what is 27 dB brighter a lobe may be told all
+ * the same.  (Matched filtering along hypothesised courses: Reed, Gagliardi and Stotts
+ * 1983, "Optical moving target detection with 3-D matched filtering", IEEE Trans.
+ * AES-24.) */
 #ifndef ANLOS_RECON_STATIC_ARRAY_VELOCITY_FILTER_H
 #define ANLOS_RECON_STATIC_ARRAY_VELOCITY_FILTER_H
 

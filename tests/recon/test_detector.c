@@ -34,6 +34,21 @@ static void start(struct detector *d)
     assert_int_equal(detector_survey(d, &s), 0);
 }
 
+static struct volume volume_of(const struct detector *d, const float *image,
+                               uint32_t frame, bool standing_left)
+{
+    return (struct volume){.survey_id = d->survey_id,
+                           .capture_ns = (int64_t)frame * 400000000,
+                           .frame = frame,
+                           .grid = grid,
+                           .intensity = image,
+                           .method = "frames",
+                           .sound_speed_m_s = 343.0,
+                           .pings_used = 8,
+                           .pings_expected = 8,
+                           .standing_left = standing_left};
+}
+
 /* x^spikes, x exponential of mean 1: with 1 a gamma distribution of shape 1. */
 static void show(struct detector *d, uint32_t frame, double spikes, bool standing_left,
                  unsigned long long *seed)
@@ -45,16 +60,7 @@ static void show(struct detector *d, uint32_t frame, double spikes, bool standin
     assert_non_null(image);
     for (size_t i = 0; i < CELLS; i++)
         image[i] = (float)pow(-log(reference_random(seed)), spikes);
-    const struct volume v = {.survey_id = d->survey_id,
-                             .capture_ns = (int64_t)frame * 400000000,
-                             .frame = frame,
-                             .grid = grid,
-                             .intensity = image,
-                             .method = "frames",
-                             .sound_speed_m_s = 343.0,
-                             .pings_used = 8,
-                             .pings_expected = 8,
-                             .standing_left = standing_left};
+    const struct volume v = volume_of(d, image, frame, standing_left);
     assert_int_equal(detector_volume(d, &v, NULL, &list, &why), 0);
     free(image);
 }
@@ -116,16 +122,7 @@ static void what_moves_is_an_object_where_it_does_not_stand_out(void **state)
     for (size_t z = 74; z <= 76; z++) /* x 0.4, z 2.0 */
         for (size_t x = 99; x <= 101; x++)
             image[z * NX + x] = x == 100 && z == 75 ? 2000.0f : 500.0f;
-    struct volume v = {.survey_id = d.survey_id,
-                       .capture_ns = 400000000,
-                       .frame = 1,
-                       .grid = grid,
-                       .intensity = image,
-                       .method = "frames",
-                       .sound_speed_m_s = 343.0,
-                       .pings_used = 8,
-                       .pings_expected = 8,
-                       .standing_left = true};
+    struct volume v = volume_of(&d, image, 1, true);
     const struct walls none = {.n = 0};
     assert_int_equal(detector_volume(&d, &v, &none, &list, &why), 0);
     assert_int_equal(list.n, 1);
@@ -142,6 +139,13 @@ static void what_moves_is_an_object_where_it_does_not_stand_out(void **state)
     assert_near(faint->virtual_m[2], 2.4, 1e-6);
     assert_near(faint->existence, 0.5, 1e-6);
     assert_near(faint->level_db, 10.0 * log10(12.0), 1e-6);
+    const struct volume_mover here = {.power = 12.0f}; /* from outside, in the array */
+    v.movers = &here;
+    v.n_movers = 1;
+    assert_int_equal(detector_volume(&d, &v, &none, &list, &why), 0);
+    assert_int_equal(list.n, 2);
+    for (int i = 0; i < 6; i++)
+        assert_true(isfinite(list.objects[1].place.covariance_m2[i]));
     free(image);
     detector_clear(&d);
 }
