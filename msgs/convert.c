@@ -457,6 +457,12 @@ void traces_from_message(struct traces *t, struct traces_room *room,
 #define FARTHEST_M 1e4
 #define FINEST_M   1e-6
 
+static Anlos__Tensor *set_movers(struct tensor_view *view,
+                                 const struct volume_mover *movers, size_t n)
+{
+    return tensor_borrow_f32(view, movers->at_m, 2, n, sizeof *movers / sizeof(float));
+}
+
 void volume_to_message(const struct volume *v, struct volume_view *view, Anlos__Volume *m)
 {
     const struct grid *g = &v->grid;
@@ -489,8 +495,9 @@ void volume_to_message(const struct volume *v, struct volume_view *view, Anlos__
         m->newest_step_m = set_vec3(&view->newest_step, b->step_m);
     }
     if (v->n_movers)
-        m->movers = tensor_borrow_f32(&view->movers, v->movers->at_m, 2, v->n_movers,
-                                      sizeof *v->movers / sizeof(float));
+        m->movers = set_movers(&view->movers, v->movers, v->n_movers);
+    if (v->n_ambiguous)
+        m->ambiguous = set_movers(&view->ambiguous, v->ambiguous, v->n_ambiguous);
     if (v->around.intensity) {
         const struct surroundings_view *a = &v->around;
         const struct grid *c = &a->grid;
@@ -552,19 +559,20 @@ static void around_from_message(struct surroundings_view *a, const Anlos__Volume
     a->spots = (const float(*)[4])spots;
 }
 
-static void movers_from_message(struct volume *v, const Anlos__Tensor *movers)
+static size_t movers_from_message(const Anlos__Tensor *m,
+                                  const struct volume_mover **movers)
 {
     size_t extents[2];
-    const float *rows = tensor_f32(movers, 2, extents);
+    const float *rows = m ? tensor_f32(m, 2, extents) : NULL;
 
     if (!rows || extents[0] > VOLUME_MOVERS ||
-        extents[1] != sizeof *v->movers / sizeof(float))
-        return;
-    v->movers = (const struct volume_mover *)(const void *)rows;
-    v->n_movers = extents[0];
+        extents[1] != sizeof **movers / sizeof(float))
+        return 0;
+    *movers = (const struct volume_mover *)(const void *)rows;
     for (size_t i = 0; i < extents[0]; i++)
-        if (!volume_mover_is_sound(&v->movers[i]))
-            v->n_movers = 0;
+        if (!volume_mover_is_sound(*movers + i))
+            return 0;
+    return extents[0];
 }
 
 void volume_from_message(struct volume *v, const Anlos__Volume *m, int64_t capture_ns)
@@ -591,8 +599,8 @@ void volume_from_message(struct volume *v, const Anlos__Volume *m, int64_t captu
         v->newest = NULL;
     if (m->coarse)
         around_from_message(&v->around, m);
-    if (m->movers)
-        movers_from_message(v, m->movers);
+    v->n_movers = movers_from_message(m->movers, &v->movers);
+    v->n_ambiguous = movers_from_message(m->ambiguous, &v->ambiguous);
 }
 
 /* -- objects ---------------------------------------------------------------------------

@@ -52,7 +52,7 @@ void traces_from_message(struct traces *t, struct traces_room *room,
                          const Anlos__Traces *m, int64_t capture_ns);
 
 struct volume_view { /* storage for a message that borrows its image */
-    struct tensor_view intensity, newest, coarse, beyond, movers;
+    struct tensor_view intensity, newest, coarse, beyond, movers, ambiguous;
     Anlos__Vec3 origin, step, newest_origin, newest_step, coarse_origin, coarse_step;
 };
 
@@ -67,7 +67,7 @@ const float *volume_grid(const Anlos__Volume *v, struct grid *out);
 /* intensity is NULL where volume_grid says so; newest where it is not there, the
  * same would have to be said of its blocks, or these are more than the voxels;
  * around.intensity where it is not there, or its grid or its spots do not hold; and there
- * are no movers where one of them does not. */
+ * are no movers, or none that are ambiguous, where one of them does not. */
 void volume_from_message(struct volume *v, const Anlos__Volume *m, int64_t capture_ns);
 
 /* A message of its own; detections_free it.  0, -ENOMEM. */

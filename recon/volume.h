@@ -15,7 +15,7 @@
 
 #define VOLUME_MOVERS 8
 
-/* What moves by itself, by the phases of the image's pings (velocity_filter.h). */
+/* What goes along a course, by the phases of the image's pings (velocity_filter.h). */
 struct volume_mover {
     float at_m[3]; /* in the middle of their time, in the array frame of the newest */
     float velocity_m_s[3]; /* over ground, along the same axes */
@@ -56,8 +56,10 @@ struct volume {
     uint64_t clipped_samples;
     bool standing_left;  /* what stands was to be taken away, and may still be in it */
     bool standing_taken; /* it was taken away, from all of it: remains may be left */
-    const struct volume_mover *movers; /* looked for where standing_left */
-    size_t n_movers;                   /* up to VOLUME_MOVERS */
+    const struct volume_mover *movers;    /* looked for where standing_left */
+    const struct volume_mover *ambiguous; /* so what rests overhead or behind the array
+                                             would go, too */
+    size_t n_movers, n_ambiguous;         /* up to VOLUME_MOVERS of each */
 };
 
 #endif

@@ -209,6 +209,8 @@ void api_image(struct anlos_image *out, const struct volume *v)
     }
     out->movers = v->n_movers ? v->movers->at_m : NULL;
     out->n_movers = v->n_movers;
+    out->ambiguous = v->n_ambiguous ? v->ambiguous->at_m : NULL;
+    out->n_ambiguous = v->n_ambiguous;
     memcpy(out->origin_m, v->grid.origin_m, sizeof out->origin_m);
     memcpy(out->step_m, v->grid.step_m, sizeof out->step_m);
     memcpy(out->n, v->grid.n, sizeof out->n);
@@ -481,20 +483,20 @@ static int take_around(struct surroundings_view *out, const struct anlos_image *
     return code;
 }
 
-static int take_movers(const struct anlos_image *v, struct anlos_error *why)
+static int take_movers(const float *rows, size_t n, const char *what,
+                       struct anlos_error *why)
 {
-    const struct volume_mover *movers = (const void *)v->movers;
+    const struct volume_mover *movers = (const void *)rows;
     int code = 0;
 
-    if (v->n_movers > VOLUME_MOVERS)
-        code = api_fail(why, ANLOS_INVALID,
-                        "movers of an image: %zu, expected %d at most", v->n_movers,
+    if (n > VOLUME_MOVERS)
+        code = api_fail(why, ANLOS_INVALID, "%s: %zu, expected %d at most", what, n,
                         VOLUME_MOVERS);
-    if (!code && v->n_movers)
-        code = api_there(movers, "movers of an image", why);
-    for (size_t i = 0; !code && i < v->n_movers; i++)
+    if (!code && n)
+        code = api_there(movers, what, why);
+    for (size_t i = 0; !code && i < n; i++)
         if (!volume_mover_is_sound(&movers[i]))
-            code = api_fail(why, ANLOS_INVALID, "movers of an image: %zu is none", i);
+            code = api_fail(why, ANLOS_INVALID, "%s: %zu is none", what, i);
     return code;
 }
 
@@ -521,7 +523,9 @@ int api_volume(struct volume *out, const struct anlos_image *given, uint64_t id,
     if (!code)
         code = take_around(&around, &v, why);
     if (!code)
-        code = take_movers(&v, why);
+        code = take_movers(v.movers, v.n_movers, "movers of an image", why);
+    if (!code)
+        code = take_movers(v.ambiguous, v.n_ambiguous, "ambiguous of an image", why);
     if (code)
         return code;
     *out = (struct volume){.survey_id = id,
@@ -544,7 +548,9 @@ int api_volume(struct volume *out, const struct anlos_image *given, uint64_t id,
                            .standing_left = v.standing_left,
                            .standing_taken = v.standing_taken,
                            .movers = (const void *)v.movers,
-                           .n_movers = v.n_movers};
+                           .n_movers = v.n_movers,
+                           .ambiguous = (const void *)v.ambiguous,
+                           .n_ambiguous = v.n_ambiguous};
     return 0;
 }
 

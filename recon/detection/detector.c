@@ -194,17 +194,21 @@ static struct object *add_mover(const struct detector *d,
 }
 
 /* Beside what stands, what moves is an object even where it does not stand out. */
-static void take_movers(const struct detector *d, const struct volume *volume,
-                        const struct walls *walls, struct object_list *out)
+static void take_movers(const struct detector *d, const struct volume_mover *movers,
+                        size_t n, bool moves, const struct walls *walls,
+                        struct object_list *out)
 {
-    for (size_t i = 0; i < volume->n_movers; i++) {
-        const struct volume_mover *mover = &volume->movers[i];
+    for (size_t i = 0; i < n; i++) {
+        const struct volume_mover *mover = &movers[i];
         struct object *o = object_near(out, mover);
         if (!o && out->n < OBJECTS_MAX)
             o = add_mover(d, mover, walls, out);
-        if (!o || (o->moves && o->course_power >= (double)mover->power))
+        bool surer = o && o->has_course &&
+                     (o->moves > moves || o->course_power >= (double)mover->power);
+        if (!o || surer)
             continue;
-        o->moves = true;
+        o->has_course = true;
+        o->moves = moves;
         o->course_power = (double)mover->power;
         o->course_m_s[0] = (double)mover->velocity_m_s[0];
         o->course_m_s[1] = (double)mover->velocity_m_s[2];
@@ -253,7 +257,8 @@ int detector_volume(struct detector *d, const struct volume *volume,
                            volume->intensity);
     if (err)
         return error_say(why, err, "not enough memory to detect objects");
-    take_movers(d, volume, walls, out);
+    take_movers(d, volume->movers, volume->n_movers, true, walls, out);
+    take_movers(d, volume->ambiguous, volume->n_ambiguous, false, walls, out);
     out->scan = volume->scan;
     out->frame = volume->frame;
     out->preview = volume->preview;

@@ -45,8 +45,8 @@ struct object {
     double lately;       /* as struct detection has it; of no track */
     double proven;       /* 0..1, as single pings tell (struct detection); of no track */
     double level_db;     /* above the noise floor of the image */
-    bool moves;          /* by itself, so the phases of the image's pings have it (struct
-                            volume_mover); of no track */
+    bool has_course;     /* by the phases of the image's pings (struct volume_mover), */
+    bool moves;          /* and nothing at rest would go so; of no track */
     double course_m_s[2], course_power; /* then: x, z in the array frame, as imaged */
     struct shape_guess shape;
     unsigned at_border; /* PEAK_BORDER (recon/detection/peak.h) */

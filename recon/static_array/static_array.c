@@ -30,7 +30,7 @@ struct static_array {
     size_t n_pings;                     /* in an image */
     float *intensity;                   /* [nz][ny][nx] */
     struct velocity_filter *velocities; /* NULL: phases add up, or no plan view */
-    struct volume_mover movers[VOLUME_MOVERS];
+    struct velocities found;
     float complex *traces; /* [n_microphones][n_samples], the newest, muted */
     uint64_t *clipped;     /* [n_pings], ring */
     bool *subtracted;      /* [n_pings], ring: had a background */
@@ -312,12 +312,11 @@ static double standing_part(const struct static_array *s)
 }
 
 /* Looked for where what stands is in the image, which a background would tell from it. */
-static size_t find_movers(struct static_array *s, double standing)
+static void find_movers(struct static_array *s, double standing)
 {
-    bool looks = standing > 0.0 && s->velocities && s->counts.images % MOVERS_EVERY == 0;
-
-    return looks ? velocity_filter_find(s->velocities, s->frames, s->intensity, s->movers)
-                 : 0;
+    s->found.n_movers = s->found.n_ambiguous = 0;
+    if (standing > 0.0 && s->velocities && s->counts.images % MOVERS_EVERY == 0)
+        velocity_filter_find(s->velocities, s->frames, s->intensity, &s->found);
 }
 
 void static_array_image(struct static_array *s, struct volume *out)
@@ -327,7 +326,7 @@ void static_array_image(struct static_array *s, struct volume *out)
     s->motion.path = follows ? &s->path : NULL;
     frames_image(s->frames, &s->motion, s->intensity, &s->made);
     double part = s->cfg.moving_only ? standing_part(s) : 0.0;
-    size_t n_movers = find_movers(s, part);
+    find_movers(s, part);
     if (follows && part > 0.0)
         clutter_map_mute(s->clutter, &s->path, &s->motion.mount, s->made.stamp_ns, part,
                          s->intensity);
@@ -340,8 +339,10 @@ void static_array_image(struct static_array *s, struct volume *out)
     out->frame = s->round.number;
     out->method = "frames";
     out->standing_left = part > 0.0;
-    out->movers = s->movers;
-    out->n_movers = n_movers;
+    out->movers = s->found.movers;
+    out->n_movers = s->found.n_movers;
+    out->ambiguous = s->found.ambiguous;
+    out->n_ambiguous = s->found.n_ambiguous;
     out->standing_taken = s->cfg.moving_only && !(part > 0.0);
     if (!out->standing_left)
         out->newest = frames_newest(s->frames, &out->blocks);

@@ -406,20 +406,19 @@ static struct course follow(struct velocity_filter *v, struct frames *f,
     return brightest_course(v, s, c, at_rest);
 }
 
-static bool moves(const struct velocity_filter *v, const struct sight *s,
-                  const struct courses *c, const struct course *best, double at_rest)
+static bool has_course(const struct sight *s, const struct courses *c,
+                       const struct course *best, double half_s)
 {
     double speed_m_s =
-        hypot(s->end_across_m * best->end_across, END_ALONG_M * best->end_along) /
-        v->half_s;
+        hypot(s->end_across_m * best->end_across, END_ALONG_M * best->end_along) / half_s;
     bool edge = abs(best->end_across) == c->across || abs(best->end_along) == c->along;
 
-    return !edge && best->power > OVER_REST * at_rest && speed_m_s > SLOWEST_M_S;
+    return !edge && speed_m_s > SLOWEST_M_S;
 }
 
 struct judged {                    /* a place that stands out */
     double range_m, sine, at_rest; /* the most of what may stand there */
-    bool moves;
+    bool has_course, may_rest;
     struct volume_mover mover;
 };
 
@@ -456,7 +455,8 @@ static struct judged judge(struct velocity_filter *v, struct frames *f,
         return out;
     struct courses c = choose_courses(v, &s);
     struct course best = follow(v, f, &s, &c, &out.at_rest);
-    out.moves = moves(v, &s, &c, &best, out.at_rest);
+    out.has_course = has_course(&s, &c, &best, v->half_s);
+    out.may_rest = best.power <= OVER_REST * out.at_rest;
     out.mover = mover_of(v, &s, &best);
     return out;
 }
@@ -533,7 +533,8 @@ static bool is_same(const struct judged *one, const struct judged *other)
 {
     const float *a = one->mover.at_m, *b = other->mover.at_m;
 
-    return hypot((double)(a[0] - b[0]), (double)(a[2] - b[2])) < SAME_M &&
+    return other->has_course && other->may_rest <= one->may_rest &&
+           hypot((double)(a[0] - b[0]), (double)(a[2] - b[2])) < SAME_M &&
            other->mover.power > one->mover.power;
 }
 
@@ -542,26 +543,35 @@ static bool is_mover(const struct velocity_filter *v, const struct judged *all, 
 {
     const struct judged *one = &all[which];
 
-    if (!one->moves || !((double)one->mover.power > POWER))
+    if (!one->has_course || !((double)one->mover.power > POWER))
         return false;
     for (size_t i = 0; i < n; i++)
-        if (i != which &&
-            (is_lobe_of(v, one, &all[i]) || (all[i].moves && is_same(one, &all[i]))))
+        if (i != which && (is_lobe_of(v, one, &all[i]) || is_same(one, &all[i])))
             return false;
     return true;
 }
 
-size_t velocity_filter_find(struct velocity_filter *v, struct frames *f,
-                            const float *intensity, struct volume_mover *movers)
+static void tell(const struct judged *one, struct velocities *out)
+{
+    struct volume_mover *list = one->may_rest ? out->ambiguous : out->movers;
+    size_t *n = one->may_rest ? &out->n_ambiguous : &out->n_movers;
+
+    if (*n < VOLUME_MOVERS)
+        list[(*n)++] = one->mover;
+}
+
+void velocity_filter_find(struct velocity_filter *v, struct frames *f,
+                          const float *intensity, struct velocities *out)
 {
     const struct grid *g = &v->cfg.grid;
     struct judged judged[PLACES_MAX];
-    size_t n = 0, n_movers = 0;
+    size_t n = 0;
 
+    out->n_movers = out->n_ambiguous = 0;
     v->n_looks = frames_looks(f, v->looks);
     find_middle(v);
     if (!(v->half_s > 0.0))
-        return 0;
+        return;
     double median = median_of(v, intensity);
     frames_alone(f, middle_look(v), v->alone);
     double bright = BRIGHT * median_of(v, v->alone);
@@ -579,8 +589,7 @@ size_t velocity_filter_find(struct velocity_filter *v, struct frames *f,
             judged[n].at_rest *= range2 / median;
             judged[n++].mover.power *= (float)(range2 / median);
         }
-    for (size_t i = 0; i < n && n_movers < VOLUME_MOVERS; i++)
+    for (size_t i = 0; i < n; i++)
         if (is_mover(v, judged, n, i))
-            movers[n_movers++] = judged[i].mover;
-    return n_movers;
+            tell(&judged[i], out);
 }

@@ -11,13 +11,13 @@
  * such a thing seems to go its way, up to twice as fast), and as a plane that mirrors
  * each speaker (whose bright spot goes with the speakers that sound in turn).  What is
  * brighter along a course than any of these moves by itself, and is known to after one
- * image: no background is asked for.  What goes as these do is not told, nor what is
- * slower than 0.5 m/s or faster than 2.4 along the sight or across it; what is 3 dB
- * fainter than something as far away to 8 cm, or 11 dB fainter than something whose lobes
- * may lie there, is taken for its lobe; of what is 27 dB brighter a lobe may be told all
- * the same.  (Matched filtering along hypothesised courses: Reed, Gagliardi and Stotts
- * 1983, "Optical moving target detection with 3-D matched filtering", IEEE Trans.
- * AES-24.) */
+ * image: no background is asked for.  What goes as these do is ambiguous: its places have
+ * to tell.  What stays where it is is not told, nor what is slower than 0.5 m/s or faster
+ * than 2.4 along the sight or across it; what is 3 dB fainter than something as far away
+ * to 8 cm, or 11 dB fainter than something whose lobes may lie there, is taken for its
+ * lobe; of what is 27 dB brighter a lobe may be told all the same.  (Matched filtering
+ * along hypothesised courses: Reed, Gagliardi and Stotts 1983, "Optical moving target
+ * detection with 3-D matched filtering", IEEE Trans. AES-24.) */
 #ifndef ANLOS_RECON_STATIC_ARRAY_VELOCITY_FILTER_H
 #define ANLOS_RECON_STATIC_ARRAY_VELOCITY_FILTER_H
 
@@ -32,14 +32,19 @@ struct velocity_filter_config {
 
 struct velocity_filter;
 
+struct velocities {
+    struct volume_mover movers[VOLUME_MOVERS], ambiguous[VOLUME_MOVERS];
+    size_t n_movers, n_ambiguous;
+};
+
 /* 0, -ENOTSUP (images that are no plan view), -ENOMEM. */
 int velocity_filter_create(struct velocity_filter **out,
                            const struct velocity_filter_config *cfg);
 
-/* What moves in the newest image of f, by power: movers[VOLUME_MOVERS], how many.  Some
- * tenths of a millisecond for each place that stands out. */
-size_t velocity_filter_find(struct velocity_filter *v, struct frames *f,
-                            const float *intensity, struct volume_mover *movers);
+/* What goes along a course in the newest image of f, by where it is.  Some tenths of a
+ * millisecond for each place that stands out. */
+void velocity_filter_find(struct velocity_filter *v, struct frames *f,
+                          const float *intensity, struct velocities *out);
 void velocity_filter_destroy(struct velocity_filter *v);
 
 #endif

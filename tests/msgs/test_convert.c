@@ -128,7 +128,9 @@ static void a_volume_comes_back(void **state)
                              .standing_left = true,
                              .standing_taken = true,
                              .movers = movers,
-                             .n_movers = 2};
+                             .n_movers = 2,
+                             .ambiguous = movers + 1,
+                             .n_ambiguous = 1};
     struct volume_view view;
     struct volume back;
     Anlos__Volume m;
@@ -166,6 +168,8 @@ static void a_volume_comes_back(void **state)
     assert_true(back.standing_left && back.standing_taken);
     assert_int_equal(back.n_movers, 2);
     assert_memory_equal(back.movers, movers, sizeof movers);
+    assert_int_equal(back.n_ambiguous, 1);
+    assert_memory_equal(back.ambiguous, movers + 1, sizeof *movers);
     came->step_m->y = 0.0; /* no grid */
     volume_from_message(&back, came, 0);
     assert_null(back.intensity);
@@ -177,7 +181,7 @@ static void movers_that_none_could_be_are_none(void **state)
 {
     (void)state;
     struct volume_mover movers[VOLUME_MOVERS + 1];
-    struct volume v = {.movers = movers, .method = "frames"};
+    struct volume v = {.movers = movers, .ambiguous = movers, .method = "frames"};
 
     for (int wrong = 0; wrong < 5; wrong++) {
         struct volume_view view;
@@ -185,7 +189,7 @@ static void movers_that_none_could_be_are_none(void **state)
         Anlos__Volume m;
         for (int i = 0; i <= VOLUME_MOVERS; i++)
             movers[i] = (struct volume_mover){.at_m = {0, 0, 1}, .power = 1.0f};
-        v.n_movers = wrong == 1 ? VOLUME_MOVERS + 1 : VOLUME_MOVERS;
+        v.n_movers = v.n_ambiguous = wrong == 1 ? VOLUME_MOVERS + 1 : VOLUME_MOVERS;
         movers[3].at_m[2] = wrong == 2 ? NAN : 1.0f;
         movers[3].velocity_m_s[0] = wrong == 3 ? 341.0f : 1.0f;
         movers[3].power = wrong == 4 ? 0.0f : 1.0f;
@@ -193,6 +197,7 @@ static void movers_that_none_could_be_are_none(void **state)
         Anlos__Volume *came = (Anlos__Volume *)sent(&m.base);
         volume_from_message(&back, came, 0);
         assert_int_equal(back.n_movers, wrong ? 0 : VOLUME_MOVERS);
+        assert_int_equal(back.n_ambiguous, wrong ? 0 : VOLUME_MOVERS);
         anlos__volume__free_unpacked(came, NULL);
     }
 }

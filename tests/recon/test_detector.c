@@ -108,6 +108,9 @@ static void what_moves_is_an_object_where_it_does_not_stand_out(void **state)
         {{0.4f, 0.0f, 2.0f}, {0.3f, 0.0f, -1.2f}, 20.0f},
         {{-0.6f, 0.0f, 0.8f + 1.6f}, {1.0f, 0.0f, 0.5f}, 12.0f},
         {{0.5f, 0.0f, 2.1f}, {-0.3f, 0.0f, 1.2f}, 15.0f}};
+    const struct volume_mover ambiguous[2] = {
+        {{0.4f, 0.0f, 2.0f}, {0.9f, 0.0f, -0.2f}, 90.0f},
+        {{1.2f, 0.0f, 1.8f}, {0.2f, 0.0f, 0.7f}, 20.0f}};
     unsigned long long seed = 3;
     float *image = malloc(CELLS * sizeof *image);
     struct object_list list;
@@ -139,6 +142,18 @@ static void what_moves_is_an_object_where_it_does_not_stand_out(void **state)
     assert_near(faint->virtual_m[2], 2.4, 1e-6);
     assert_near(faint->existence, 0.5, 1e-6);
     assert_near(faint->level_db, 10.0 * log10(12.0), 1e-6);
+    for (size_t i = 0; i < 2; i++)
+        assert_true(list.objects[i].has_course);
+    v.ambiguous = ambiguous; /* beside the first, and alone */
+    v.n_ambiguous = 2;
+    assert_int_equal(detector_volume(&d, &v, &none, &list, &why), 0);
+    assert_int_equal(list.n, 3);
+    assert_true(list.objects[0].moves);
+    assert_near(list.objects[0].course_m_s[0], 0.3, 1e-6);
+    assert_true(list.objects[2].has_course && !list.objects[2].moves);
+    assert_near(list.objects[2].virtual_m[0], 1.2, 1e-6);
+    assert_near(list.objects[2].course_m_s[1], 0.7, 1e-6);
+    v.n_ambiguous = 0;
     const struct volume_mover here = {.power = 12.0f}; /* from outside, in the array */
     v.movers = &here;
     v.n_movers = 1;

@@ -422,6 +422,9 @@ static void traces_and_images_of_others_are_refused(void **state)
     IMAGE((wrong.movers = movers[0], wrong.n_movers = 9), "8 at most");
     IMAGE((wrong.movers = movers[0], wrong.n_movers = 2),
           "movers of an image: 1 is none");
+    IMAGE(wrong.n_ambiguous = 1, "ambiguous of an image is NULL");
+    IMAGE((wrong.ambiguous = movers[0], wrong.n_ambiguous = 2),
+          "ambiguous of an image: 1 is none");
 #undef IMAGE
     ok(anlos_detector_image(d, &image, NULL, 0, &why)); /* empty: no objects */
     anlos_compressor_destroy(c);

@@ -49,6 +49,10 @@ struct anlos_image {
                           * of the pings' time; velocity x, y, z over ground, m/s; how
                           * bright they are in phase, over the median of the image */
     size_t n_movers;
+    /* The same where something at rest, overhead or behind the array, would show as that;
+     * a tracker follows it, and waits for its places to tell.  NULL: none. */
+    const float *ambiguous; /* [n_ambiguous][7], as movers */
+    size_t n_ambiguous;
 };
 
 #endif

@@ -391,10 +391,12 @@ class _Stage:
     def _image(self):
         s = self._filled("image")
         facts = _values(s)
-        for name in ("size", "intensity", "n", "newest_n", "coarse_n", "n_beyond", "n_movers"):
+        for name in ("size", "intensity", "n", "newest_n", "coarse_n", "n_beyond", "n_movers",
+                     "n_ambiguous"):
             del facts[name]
         for name, n in (("newest", s.newest_n), ("coarse", s.coarse_n),
-                        ("beyond", (4, s.n_beyond, 1)), ("movers", (7, s.n_movers, 1))):
+                        ("beyond", (4, s.n_beyond, 1)), ("movers", (7, s.n_movers, 1)),
+                        ("ambiguous", (7, s.n_ambiguous, 1))):
             there = getattr(s, name) != _ffi.NULL
             facts[name] = _copied(getattr(s, name), n) if there else None
         for name in _ROWS:
@@ -622,7 +624,7 @@ class StaticArray(_OnVehicle, _TakesTraces):
         super().__init__("static_array", survey, "static", config)
 
 
-_ROWS = {"beyond": ("place", 4), "movers": ("mover", 7)}
+_ROWS = {"beyond": ("place", 4), "movers": ("mover", 7), "ambiguous": ("mover", 7)}
 
 
 def _image_struct(image):
