@@ -311,6 +311,7 @@ static void take_detection(const struct object_tracker *t, const struct sight *s
     *out = (struct track_detection){.existence = o->existence,
                                     .proven = o->proven,
                                     .moves = o->moves,
+                                    .has_course = o->has_course,
                                     .mirror = o->place.wall,
                                     .power = pow(10.0, 0.1 * o->level_db),
                                     .remains = volume->standing_taken ? remains(o) : 0.0,

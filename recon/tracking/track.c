@@ -9,6 +9,7 @@
 #include "recon/tracking/track_state.h"
 
 #define COURSES           3 /* in a row: it does move */
+#define AGREEING          4 /* velocities in a row, of phases and places: one thing moves */
 #define COURSE_ALONG_M_S  0.6
 #define COURSE_ACROSS_M_S 1.5
 #define COURSE_SURE       0.97
@@ -19,7 +20,8 @@
 #define FAINT             0.3        /* of the usual power: below it is doubted */
 #define USUAL_LOOKS       5.0        /* that the usual is a mean of */
 #define WAKE_S            0.5        /* so long ago somebody was where he still echoes */
-#define MISSED_LOOKS      0.5        /* after more of them it may be something else */
+#define MISSED_LOOKS      0.5        /* after more of them it is taken from before */
+#define OTHER_LOOKS       2.0        /* after more of them it may be something else */
 #define LONGEST_S         60.0       /* nothing is predicted farther */
 #define REACH_M           1.0        /* existence is that of something so near */
 #define SECOND_NS         1000000000u
@@ -179,6 +181,19 @@ static void follow_course(const struct track_position *p, const double sight[2],
     memcpy(k->course_m_s, v, sizeof k->course_m_s);
 }
 
+/* Of 99 of 100 velocities, by the phases of pings, of what goes as the track does. */
+static bool agrees(const struct track_position *p, const struct track_filter *f)
+{
+    const double less_m_s[2] = {p->velocity_m_s[0] - f->state[2],
+                                p->velocity_m_s[1] - f->state[3]};
+    double c[2][2];
+
+    for (int a = 0; a < 2; a++)
+        for (int b = 0; b < 2; b++)
+            c[a][b] = p->velocity_m2_s2[a][b] + f->covariance[2 + a][2 + b];
+    return track_filter_distance2(less_m_s, (const double(*)[2])c) < 9.21;
+}
+
 /* After a gap or a jump it may be another thing that is seen: what moves is seen moving.
  * Images without what stands show it move; in others the track itself has to, at first
  * steadily; once it has a name it may turn.  So has what a background may have left: of
@@ -187,22 +202,25 @@ static void follow_course(const struct track_position *p, const double sight[2],
 static void judge_rest(const struct tracker *t, const struct track_scan *scan,
                        double fresh, struct track *k)
 {
+    const struct track_position *p = &t->positions[k->detection];
     const struct track_rest_look *look = &t->looks[k->detection];
     bool goes = scan->detections[k->detection].moves;
     double power = scan->detections[k->detection].power;
     bool taken = !scan->standing_left;
 
-    if (k->missed > MISSED_LOOKS || track_rest_jumps(&k->rest, look))
+    if (k->missed > OTHER_LOOKS || track_rest_jumps(&k->rest, look))
         k->rest = (struct track_rest){.looks = 0.0};
     k->missed = 0.0;
+    if (p->has_velocity)
+        k->agreeing = agrees(p, &k->filter) ? k->agreeing + 1 : 0;
     if (goes)
-        follow_course(&t->positions[k->detection], k->body.sight, k);
+        follow_course(p, k->body.sight, k);
     if (look->range_m > 0.0)
         track_rest_add(&k->rest, look, fresh, scan->stamp_ns, t->cfg.rest_s);
     k->power += (k->power > 0.0 ? EXTENT_SHARE : 1.0) * (power - k->power);
     if ((taken && (k->id || k->power >= scan->detections[k->detection].remains)) ||
-        track_rest_moves(&k->rest, taken) || (goes && k->courses >= COURSES) ||
-        (k->id && track_rest_misfit(&k->rest) > 1.0))
+        track_rest_moves(&k->rest, taken, k->agreeing >= AGREEING) ||
+        (goes && k->courses >= COURSES) || (k->id && track_rest_misfit(&k->rest) > 1.0))
         k->moves_ns = scan->stamp_ns;
 }
 
@@ -577,7 +595,7 @@ int tracker_step(struct tracker *t, const struct track_scan *scan)
     }
     track_body_merge(t);
     track_join_walkers(t, fresh);
-    if (scan->standing_left)
+    if (scan->standing_left || scan->settling)
         track_absorb(t);
     end_tracks(t, scan->stamp_ns);
     start_tracks(t, scan, whose, fresh);

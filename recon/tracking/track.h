@@ -88,8 +88,9 @@ struct track_detection {
     double remains; /* a power: what is fainter may be left there of a background that was
                        subtracted, and has to move before it is named; 0: none is */
     double proven;  /* 0..1: by pings one by one; 0: not known */
-    bool moves;     /* by itself: so the phases of the image's pings have it, */
-    double course_m_s[2]; /* with this velocity over ground, along the vehicle's axes */
+    bool moves;     /* by itself: so the phases of the image's pings have it */
+    bool has_course;      /* or may: they have it at, */
+    double course_m_s[2]; /* a velocity over ground, along the vehicle's axes */
     double power;         /* of its echo, any unit, > 0 */
     double lag_s;         /* recon/tracking/track_filter.h */
     double middle_m[2];   /* of all that is bright there, from its place */

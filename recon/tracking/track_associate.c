@@ -79,7 +79,7 @@ static void take_course(const struct tracker *t, const struct track_detection *d
     double less2 = across2 - COURSE_ALONG_M_S * COURSE_ALONG_M_S / fresh;
     double c[2][2];
 
-    p->has_velocity = d->moves;
+    p->has_velocity = d->has_course;
     track_turn(t->pose.dyaw, d->course_m_s, p->velocity_m_s);
     for (int a = 0; a < 2; a++)
         for (int b = 0; b < 2; b++)

@@ -4,16 +4,17 @@
 #include <math.h>
 #include <string.h>
 
-#define UNKNOWNS  TRACK_REST_UNKNOWNS
-#define AT_REST   TRACK_REST_AT_REST
-#define FEW_LOOKS 5     /* with fewer neither a jump nor motion is told */
-#define LOOSE_M   100.0 /* what is known beforehand: it is within so much of the array */
-#define LOOSE_M_S 10.0  /* and not faster */
-#define GAIN      20.0  /* motion explains so much more: in 1 of 2000 cases of noise */
-#define GAIN_LEFT 15.0  /* and so many times what a whole look leaves */
-#define RARE_GAIN 9.5   /* the same of what is left of a background: in 1 of 20 */
-#define RARE_LEFT 3.0
-#define FAR_M     100.0 /* from the origin LOOSE_M would count for motion */
+#define UNKNOWNS    TRACK_REST_UNKNOWNS
+#define AT_REST     TRACK_REST_AT_REST
+#define FEW_LOOKS   5     /* with fewer neither a jump nor motion is told */
+#define LOOSE_M     100.0 /* what is known beforehand: it is within so much of the array */
+#define LOOSE_M_S   10.0  /* and not faster */
+#define GAIN        20.0  /* motion explains so much more: in 1 of 2000 cases of noise */
+#define GAIN_LEFT   15.0  /* and so many times what a whole look leaves */
+#define AGREED_LEFT 4.0   /* the same where phases have it go as places do */
+#define RARE_GAIN   9.5   /* the same of what is left of a background: in 1 of 20 */
+#define RARE_LEFT   3.0
+#define FAR_M       100.0 /* from the origin LOOSE_M would count for motion */
 
 static void add_equation(struct track_rest *r, const double a[UNKNOWNS], double b,
                          double weight)
@@ -185,10 +186,10 @@ void track_rest_motion(const struct track_rest *r, double *gain, double *left)
     *left = fmax(r->squares - dot(fit, fit) - *gain, 0.0);
 }
 
-bool track_rest_moves(const struct track_rest *r, bool rest_is_rare)
+bool track_rest_moves(const struct track_rest *r, bool rest_is_rare, bool phases_agree)
 {
     double least = rest_is_rare ? RARE_GAIN : GAIN, gain, left;
-    double least_left = rest_is_rare ? RARE_LEFT : GAIN_LEFT;
+    double least_left = rest_is_rare ? RARE_LEFT : phases_agree ? AGREED_LEFT : GAIN_LEFT;
 
     if (r->n_looks < FEW_LOOKS)
         return false;

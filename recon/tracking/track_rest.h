@@ -68,8 +68,10 @@ double track_rest_misfit(const struct track_rest *r);
 void track_rest_motion(const struct track_rest *r, double *gain, double *left);
 
 /* It has moved by itself, steadily.  rest_is_rare: what is at rest was taken away from
- * what is looked at, and only its remains are left. */
-bool track_rest_moves(const struct track_rest *r, bool rest_is_rare);
+ * what is looked at, and only its remains are left; phases_agree: its velocity by the
+ * phases of pings is that of its places, which several things heard in turn do not
+ * show. */
+bool track_rest_moves(const struct track_rest *r, bool rest_is_rare, bool phases_agree);
 
 /* How far a look is from where the scatterer would be heard at rest: squares in units of
  * their variances, of two degrees of freedom. */

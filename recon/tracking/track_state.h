@@ -37,8 +37,9 @@ struct track {
     double waited;              /* for that: looks in which no mirror showed it */
     bool merged;                /* into another one */
     double as_one;              /* looks, that it has gone with an older one as one */
-    unsigned courses;           /* times that phases had it moving, one like the other, */
-    double course_m_s[2];       /* with this velocity lately */
+    unsigned agreeing;    /* looks in a row whose velocity, by phases, was its own */
+    unsigned courses;     /* times that phases had it moving, one like the other, */
+    double course_m_s[2]; /* with this velocity lately */
     size_t detection;
 };
 

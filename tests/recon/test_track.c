@@ -2,6 +2,7 @@
 #include "tests/recon/near.h"
 
 #include <errno.h>
+#include <limits.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -912,14 +913,20 @@ static void what_stands_in_the_image_is_not_told(void **state)
     assert_near(r->reports[0].velocity_m_s[1], 1.2, 0.1);
 }
 
-static void see_go(struct rig *r, double x, double y, double vx, double vy)
+static void see_may_go(struct rig *r, double x, double y, double vx, double vy)
 {
     see_heard(r, x, y);
     struct track_detection *d = &r->detections[r->scan.n - 1];
-    d->moves = true;
+    d->has_course = true;
     d->course_m_s[0] = vx;
     d->course_m_s[1] = vy;
     d->sight[0] = 1.0;
+}
+
+static void see_go(struct rig *r, double x, double y, double vx, double vy)
+{
+    see_may_go(r, x, y, vx, vy);
+    r->detections[r->scan.n - 1].moves = true;
 }
 
 /* Far sooner than by its places: by its third image. */
@@ -955,6 +962,64 @@ static void whose_courses_do_not_agree_is_not_told(void **state)
     }
 }
 
+/* Its places have to tell, as they do of who shows no velocity, but sooner: the image
+ * after which it is told. */
+static int images_until_told(struct rig *r, bool has_course)
+{
+    use(r);
+    r->scan.stamp_ns = 0;
+    begin_with_what_stands(r);
+    r->scan.fresh = 0.25;
+    for (int k = 0; k < 60; k++) {
+        double x = 5.0 - 0.03 * k, y = -2.0 + 0.06 * k, off = 0.1 * (k % 3 - 1);
+        see_may_go(r, x, y + off, -0.6, 1.2);
+        r->detections[0].has_course = has_course;
+        step_after(r, 2 * PING_NS);
+        if (r->n)
+            return k;
+    }
+    return INT_MAX;
+}
+
+static void whose_course_may_be_one_of_rest_is_told_by_places_and_sooner(void **state)
+{
+    struct rig *r = *state;
+    int with_phases = images_until_told(r, true), without = images_until_told(r, false);
+
+    assert_in_range(with_phases, 4, 10);
+    assert_in_range(without, with_phases + 2, 59);
+}
+
+/* Images with it before it is told, of which 16 come before a gap of so many without. */
+static int seen_until_told(struct rig *r, int gap)
+{
+    int seen = 0;
+
+    use(r);
+    r->scan.stamp_ns = 0;
+    begin_with_what_stands(r);
+    r->scan.fresh = 0.12;
+    for (int k = 0; k < 100 && !r->n; k++) {
+        if (k < 16 || k >= 16 + gap) {
+            see_heard(r, 5.0, -2.0 + 1.2 * 1e-9 * PING_NS * k);
+            seen++;
+        }
+        step_after(r, PING_NS);
+    }
+    r->n = 0;
+    return seen;
+}
+
+/* A look; after more of them it may be another one. */
+static void what_moves_is_known_over_a_gap(void **state)
+{
+    struct rig *r = *state;
+
+    assert_in_range(seen_until_told(r, 0), 17, 24);
+    assert_in_range(seen_until_told(r, 8), 17, 24);
+    assert_in_range(seen_until_told(r, 19), 16 + 12, 99);
+}
+
 static void once_a_background_is_taken_away_it_is_told(void **state)
 {
     struct rig *r = *state;
@@ -969,6 +1034,31 @@ static void once_a_background_is_taken_away_it_is_told(void **state)
     see_heard(r, 4.0, 2.0);
     step(r);
     assert_int_equal(r->n, 1);
+}
+
+/* Who walks past a thing as the vehicle stops: what is known of it is too near to be told
+ * beside him, though its newest echo is not. */
+static void what_is_beside_somebody_is_not_told_as_a_background_begins(void **state)
+{
+    struct rig *r = *state;
+
+    for (int settling = 0; settling < 2; settling++) {
+        use(r);
+        begin_with_what_stands(r);
+        for (int k = 0; k < 11; k++) {
+            see_heard(r, 5.0, -3.0 + 0.25 * k);
+            see_heard(r, 5.4, 0.0);
+            step(r);
+        }
+        assert_int_equal(r->n, 1);
+        r->scan.standing_left = false;
+        r->scan.settling = settling;
+        see_heard(r, 5.0, -0.25);
+        see_heard(r, 5.46, 0.0);
+        step(r);
+        assert_int_equal(r->n, 2 - settling);
+        r->scan.settling = false;
+    }
 }
 
 /* Two holes, one of them where somebody passed, who is fainter than what may be left. */
@@ -1203,7 +1293,10 @@ int main(void)
         TEST(what_stands_in_the_image_is_not_told),
         TEST(whose_phases_go_along_a_course_is_told_beside_what_stands),
         TEST(whose_courses_do_not_agree_is_not_told),
+        TEST(whose_course_may_be_one_of_rest_is_told_by_places_and_sooner),
+        TEST(what_moves_is_known_over_a_gap),
         TEST(once_a_background_is_taken_away_it_is_told),
+        TEST(what_is_beside_somebody_is_not_told_as_a_background_begins),
         TEST(what_a_background_leaves_has_to_move),
         TEST(what_a_background_cannot_have_left_is_told_at_rest),
         TEST(what_comes_to_rest_there_ends_as_if_unseen),

@@ -189,7 +189,7 @@ static void steady_motion_is_believed_once_it_explains_enough(void **state)
             look.along_m = SIGMA_M * step * n;
             add(&r, &look, 1.0, STEP_S, FOREVER_S);
             assert_true(fabs(gain - 20.0) > 0.01);
-            assert_int_equal(track_rest_moves(&r, false), n >= 5 && gain > 20.0);
+            assert_int_equal(track_rest_moves(&r, false, false), n >= 5 && gain > 20.0);
         }
     }
 }
@@ -216,7 +216,7 @@ static void noise_is_no_steady_motion(void **state)
             look.range_m += noise_m * dice_normal(&seed);
             add(&r, &look, 1.0, STEP_S, FOREVER_S);
         }
-        moves[trial % 2] += track_rest_moves(&r, false);
+        moves[trial % 2] += track_rest_moves(&r, false, false);
     }
     assert_true(moves[0] < 8);
     assert_true(moves[1] < 75);
@@ -250,7 +250,7 @@ static void what_keeps_its_velocity_is_seen_to_move(void **state)
         track_rest_motion(&r, &gain, &left);
         assert_true(gain > 1000.0);
         assert_below(left, 1.0); /* what is known beforehand */
-        assert_true(track_rest_moves(&r, false));
+        assert_true(track_rest_moves(&r, false, false));
     }
 }
 
@@ -279,7 +279,7 @@ static void what_walks_is_seen_to_move(void **state)
             look.range_m += 0.01 * dice_normal(&seed);
             add(&r, &look, SHARE, PING_S, FOREVER_S);
         }
-        moves += track_rest_moves(&r, false);
+        moves += track_rest_moves(&r, false, false);
     }
     assert_true(moves > 3 * TRIALS / 4);
 }
@@ -307,7 +307,7 @@ static void what_is_heard_in_turn_does_not_move(void **state)
             hear(at_m, &look);
             add(&r, &look, SHARE, PING_S, FOREVER_S);
         }
-        moves += track_rest_moves(&r, false);
+        moves += track_rest_moves(&r, false, false);
         rests += track_rest_misfit(&r) < 1.0;
     }
     assert_true(rests < TRIALS / 2);
@@ -334,7 +334,7 @@ static void a_long_way_makes_no_motion(void **state)
         hear(p_m, &look);
         add(&r, &look, SHARE, PING_S, 1.5);
         if (k > 1000)
-            assert_false(track_rest_moves(&r, false));
+            assert_false(track_rest_moves(&r, false, false));
     }
     assert_true(track_rest_misfit(&r) < 0.01);
 }
@@ -353,14 +353,14 @@ static void a_long_time_makes_no_motion(void **state)
         hear(p_m, &look);
         add(&r, &look, SHARE, PING_S, 1.5);
         assert_true(track_rest_misfit(&r) < 0.01);
-        assert_false(track_rest_moves(&r, false));
+        assert_false(track_rest_moves(&r, false, false));
     }
     for (int k = 0; k < 100; k++) {
         const double at_m[3] = {p_m[0], p_m[1] + 1.2 * PING_S * k, p_m[2]};
         hear(at_m, &look);
         add(&r, &look, SHARE, PING_S, 1.5);
     }
-    assert_true(track_rest_moves(&r, false));
+    assert_true(track_rest_moves(&r, false, false));
 }
 
 static void what_is_old_fades(void **state)
@@ -400,8 +400,38 @@ static double gain_of(double v_m_s, double sigma_v_m_s)
         add(&r, &look, 1.0, STEP_S, FOREVER_S);
     }
     track_rest_motion(&r, &gain, &left);
-    assert_int_equal(track_rest_moves(&r, false), gain > 20.0);
+    assert_int_equal(track_rest_moves(&r, false, false), gain > 20.0);
     return gain;
+}
+
+/* Of six looks that go on evenly, of which four are off by so many sigma, each way, so
+ * that neither a place nor a velocity takes it from them. */
+static bool moves_with(double off, bool phases_agree)
+{
+    const int off_course[6] = {1, -1, 0, 0, -1, 1};
+    struct track_rest r = {.looks = 0.0};
+    struct track_rest_look look = {
+        .axis = {0.0, 1.0}, .range_m = 3.0, .sigma_m = SIGMA_M};
+    double step = sqrt(30.0 / 17.5), gain, left;
+
+    for (int n = 0; n < 6; n++) {
+        look.along_m = SIGMA_M * (step * (n - 5) + off * off_course[n]);
+        add(&r, &look, 1.0, STEP_S, FOREVER_S);
+    }
+    track_rest_motion(&r, &gain, &left);
+    assert_near(gain, 30.0, 0.3);
+    assert_near(left, 4.0 * off * off, 0.1);
+    return track_rest_moves(&r, false, phases_agree);
+}
+
+/* What motion leaves of a look counts 15 times, or 4. */
+static void what_motion_leaves_counts_less_where_phases_agree(void **state)
+{
+    (void)state;
+    assert_true(moves_with(1.7, false));
+    assert_false(moves_with(1.8, false));
+    assert_true(moves_with(3.3, true));
+    assert_false(moves_with(3.4, true));
 }
 
 /* Both lie six sigma and more from rest. */
@@ -430,6 +460,7 @@ int main(void)
         cmocka_unit_test(a_long_way_makes_no_motion),
         cmocka_unit_test(a_long_time_makes_no_motion),
         cmocka_unit_test(what_is_old_fades),
+        cmocka_unit_test(what_motion_leaves_counts_less_where_phases_agree),
         cmocka_unit_test(a_speed_that_nothing_has_is_not_taken_for_motion),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
