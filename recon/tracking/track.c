@@ -181,7 +181,7 @@ static void follow_course(const struct track_position *p, const double sight[2],
     memcpy(k->course_m_s, v, sizeof k->course_m_s);
 }
 
-/* Of 99 of 100 velocities, by the phases of pings, of what goes as the track does. */
+/* As 99 of 100 velocities do, by the phases of pings, of what goes as the track does. */
 static bool agrees(const struct track_position *p, const struct track_filter *f)
 {
     const double less_m_s[2] = {p->velocity_m_s[0] - f->state[2],
