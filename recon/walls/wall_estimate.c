@@ -6,7 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "recon/walls/near_reflector.h"
+#include "dsp/normal_equations.h"
+#include "recon/geometry.h"
 #include "recon/walls/wall_search.h"
 
 #define LEAST_HEARD  9     /* pairs: so few do not agree on three numbers by chance */
@@ -16,6 +17,96 @@
 #define BEND_M       0.5   /* how much farther it bends on (bench_bends) */
 
 static const double tolerance_m[2] = {0.08, 0.012};
+
+/* -- a small thing near the array -------------------------------------------------------
+ *
+ * It returns every pair's sound too, and some of it where a plane would: by way of one
+ * point (s to p to m) and not of an image source.  Whichever explains more of the echoes
+ * is there. */
+
+#define ROUNDS      8
+#define POINT_HEARD 6 /* pairs, at least */
+#define LEAST_PIVOT 1e-4
+
+struct near_reflector {
+    double at_m[3];
+    double rms_m;   /* of the residuals of paths */
+    size_t n_heard; /* pairs that hear it */
+};
+
+/* By way of the point, and how that grows when the point moves. */
+static double path_by(const struct wall_echo *e, const double at[3], double slope[3])
+{
+    double in = geometry_distance(e->speaker_m, at);
+    double out = geometry_distance(at, e->microphone_m), growth = 0.0;
+    for (int a = 0; a < 3; a++) {
+        slope[a] = (at[a] - e->speaker_m[a]) / fmax(in, 1e-6) +
+                   (at[a] - e->microphone_m[a]) / fmax(out, 1e-6);
+        growth -= slope[a] * e->velocity_m_s[a];
+    }
+    return in + out + e->lag_s * growth;
+}
+
+/* The echo of the pair that begins at *i; *i moves on to the next pair.  How far it is
+ * from the point's path. */
+static double nearest(const struct near_reflector *t, const struct wall_echo *echoes,
+                      size_t n, size_t *i, double slope[3])
+{
+    uint32_t pair = echoes[*i].pair;
+    double path_m = path_by(&echoes[*i], t->at_m, slope), best = INFINITY;
+    for (; *i < n && echoes[*i].pair == pair; (*i)++)
+        if (fabs(echoes[*i].path_m - path_m) < fabs(best))
+            best = echoes[*i].path_m - path_m;
+    return best;
+}
+
+static int improve_once(struct near_reflector *t, const struct wall_echo *echoes,
+                        size_t n, double tolerance)
+{
+    double a[9] = {0.0}, b[3] = {0.0}, sum = 0.0;
+    t->n_heard = 0;
+    for (size_t i = 0; i < n;) {
+        double slope[3], r = nearest(t, echoes, n, &i, slope);
+        if (fabs(r) > tolerance)
+            continue;
+        double u = r / tolerance, weight = (1.0 - u * u) * (1.0 - u * u);
+        t->n_heard++;
+        sum += r * r;
+        for (int p = 0; p < 3; p++) {
+            b[p] += weight * slope[p] * r;
+            for (int q = 0; q < 3; q++)
+                a[3 * p + q] += weight * slope[p] * slope[q];
+        }
+    }
+    if (t->n_heard < POINT_HEARD)
+        return -EDOM;
+    t->rms_m = sqrt(sum / (double)t->n_heard);
+    normal_equations_solve(3, a, b, LEAST_PIVOT);
+    for (int p = 0; p < 3; p++)
+        t->at_m[p] += b[p];
+    return 0;
+}
+
+/* Improves t->at_m, a first guess: reweighted least squares over the echo of each pair
+ * that comes nearest, within tolerance_m[0] at first and tolerance_m[1] at last.  What
+ * the places of the elements do not tell stays as guessed.  The array's own motion is
+ * left out but for what the chirp makes of it.  0, or -EDOM: fewer than 6 pairs. */
+static int near_reflector_improve(struct near_reflector *t,
+                                  const struct wall_echo *echoes, size_t n)
+{
+    int err = 0;
+    for (int k = 0; !err && k < ROUNDS; k++) {
+        double part = (double)k / (ROUNDS - 2.0);
+        err =
+            improve_once(t, echoes, n,
+                         fmax(tolerance_m[1],
+                              tolerance_m[0] + part * (tolerance_m[1] - tolerance_m[0])));
+    }
+    return err;
+}
+
+/* -- walls ------------------------------------------------------------------------------
+ */
 
 void wall_estimate_default(struct wall_estimate_config *cfg)
 {
@@ -153,7 +244,7 @@ static bool is_thing(const struct search *s, const struct wall_fit *fit)
 {
     struct near_reflector t = {.n_heard = 0};
     foot_of(s, &fit->wall, t.at_m);
-    if (near_reflector_improve(&t, s->left, s->n_left, tolerance_m))
+    if (near_reflector_improve(&t, s->left, s->n_left))
         return false;
     return t.n_heard > fit->n_heard ||
            (t.n_heard == fit->n_heard && t.rms_m < fit->rms_m);

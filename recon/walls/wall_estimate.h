@@ -5,7 +5,7 @@
  * looked for.
  *
  * A wall is believed when most of the pairs hear it where the plane has it.  An edge or a
- * thing does not look like that from everywhere (recon/walls/near_reflector.h).  What two
+ * thing does not look like that from everywhere.  What two
  * walls, or a wall and the ground, make together in their corner is taken away with them,
  * and a plane whose sound would have to pass through a nearer wall is an image of
  * something in that one.

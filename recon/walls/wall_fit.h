@@ -4,7 +4,14 @@
 #ifndef ANLOS_RECON_WALLS_WALL_FIT_H
 #define ANLOS_RECON_WALLS_WALL_FIT_H
 
-#include "recon/walls/wall_spread.h"
+#include "recon/walls/wall_echo.h"
+
+struct wall_prior {
+    bool vertical;       /* the normal has no y, give or take */
+    double vertical_rad; /* this much, one sigma */
+    double sound_speed;  /* relative error of the speed of sound, one sigma */
+    double delay_m;      /* of a path that all share: time zero, one sigma */
+};
 
 struct wall_fit {
     struct wall wall;     /* with covariance; where it bends, the plane that touches it at
@@ -20,8 +27,8 @@ struct wall_fit {
  *
  * It bends if that is told by three sigmas, the pairs hear it so no less, and its radius
  * is over half a metre and, inwards, over its distance.  The covariance is that of the
- * residuals (recon/walls/wall_spread.h) and the prior.  chosen [n]: which echoes counted
- * (not after an error); may be NULL.
+ * residuals, parts of which are shared by the echoes of an element or a place, and of the
+ * prior.  chosen [n]: which echoes counted (not after an error); may be NULL.
  *
  * 0, -EDOM (too few echoes, or they do not determine all three numbers), -ENOMEM. */
 int wall_fit_improve(struct wall_fit *fit, const struct wall_prior *prior,
