@@ -2,13 +2,12 @@
 /* recon/planning/planner.h -- `--method auto`: from what a scene is like
  * (recon/planning/probe) and what the user can spend, the method, the pairs, the band,
  * the depth, the steps and the iterations of its image.  Every combination is given a
- * time (recon/planning/planner_time.h) and an error beforehand; the cheapest that is
+ * time and an error beforehand; the cheapest that is
  * exact enough is taken, or the best that time allows. */
 #ifndef ANLOS_RECON_PLANNING_PLANNER_H
 #define ANLOS_RECON_PLANNING_PLANNER_H
 
 #include "recon/imaging/imager.h"
-#include "recon/planning/planner_time.h"
 #include "recon/planning/probe.h"
 
 struct planner_config {
@@ -16,7 +15,7 @@ struct planner_config {
     const struct probe *probe;
     const struct grid *grid; /* the whole image, with the steps of resolution */
     size_t n_threads;
-    double slowness; /* of this machine; times what recon/planning/planner_time.h says */
+    double slowness;     /* of this machine; times what planner_*_s say */
     double compress_s;   /* that it still takes to compress all pings; 0: it is done */
     size_t least_stride; /* not more pairs than these: the others were not compressed */
     double budget_s;     /* for what is still to be done; INFINITY: none */
@@ -59,5 +58,30 @@ struct plan {
 };
 
 void planner_decide(struct plan *out, const struct planner_config *cfg);
+
+/* What its steps take, in s: their operations, by rates that were measured once, on one
+ * machine. */
+
+/* Compression of so many pings. */
+double planner_compress_s(size_t n_pings, size_t n_microphones, size_t n_threads);
+
+/* A look at the scene (recon/planning/probe) that is to be imaged on this grid, by every
+ * n-th speaker. */
+double planner_probe_s(const struct trace_set *set, const struct grid *grid,
+                       size_t stride, size_t n_threads);
+
+/* How the elements stand (recon/planning/coherence), from every n-th speaker's traces. */
+double planner_coherence_s(const struct trace_set *set, size_t stride, size_t n_threads);
+
+/* Stack and image by a method (dip: `fast` with dip moveout) of every n-th speaker's
+ * traces; `incoherent`: of what scatters; `iterative`: before the first iteration. */
+double planner_image_s(const struct trace_set *set, const struct grid *grid,
+                       const char *method, bool dip, size_t stride, size_t n_threads);
+
+/* An iteration of `iterative`. */
+double planner_iteration_s(const struct grid *grid, size_t n_threads);
+
+/* The same by `incoherent`, of mirrors. */
+double planner_mirror_s(const struct trace_set *set, size_t n_threads);
 
 #endif
