@@ -8,7 +8,6 @@
 
 #include "dsp/normal_equations.h"
 #include "recon/geometry.h"
-#include "recon/walls/wall_search.h"
 
 #define LEAST_HEARD  9     /* pairs: so few do not agree on three numbers by chance */
 #define GUESSES_MOST 12    /* looked into for each list */

@@ -1,14 +1,12 @@
 /* SPDX-License-Identifier: MIT */
 /* recon/walls/wall_estimate.h -- the walls around an array, from the echoes of its own
- * chirps: the one that most pairs hear (recon/walls/wall_search.h), fitted
- * (recon/walls/wall_fit.h); then what it explains is taken away, and the next one is
- * looked for.
+ * chirps: the one that most pairs hear, fitted (recon/walls/wall_fit.h); then what it
+ * explains is taken away, and the next one is looked for.
  *
  * A wall is believed when most of the pairs hear it where the plane has it.  An edge or a
- * thing does not look like that from everywhere.  What two
- * walls, or a wall and the ground, make together in their corner is taken away with them,
- * and a plane whose sound would have to pass through a nearer wall is an image of
- * something in that one.
+ * thing does not look like that from everywhere.  What two walls, or a wall and the
+ * ground, make together in their corner is taken away with them, and a plane whose sound
+ * would have to pass through a nearer wall is an image of something in that one.
  *
  * A wall may bend about the upright, as a pillar does, and a facade by some centimetres.
  * It is told as the plane that touches it, whose turn is the less certain the more it

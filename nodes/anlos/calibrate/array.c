@@ -14,7 +14,6 @@
 #include "nodes/anlos/calibrate/paths.h"
 #include "nodes/anlos/interrupt.h"
 #include "recon/walls/wall_fit.h"
-#include "recon/walls/wall_search.h"
 
 #define PLACED_MM     10.0 /* what a tape measure leaves */
 #define SPEED_SIGMA   3.0  /* m/s: 5 K */
