@@ -76,7 +76,7 @@ struct planning {
  *             apart: width / 4; with it, of every second or fourth speaker, what these
  *             add, times rms phase / 0.2 rad, 1 at most   (measured at 0.75 to 2.8 m)
  *   steps     0.17 step^3 / width^2               (peak between voxels; measured)
- *   planes    tilt x step in depth / sqrt(12)     (peak between planes: psf_tilt.h)
+ *   planes    tilt x step in depth / sqrt(12)     (peak between planes: probe.h)
  *   power     `incoherent`: 0.03 of its width     (measured)
  *
  * and, where something has a shape,

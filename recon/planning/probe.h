@@ -23,7 +23,7 @@ struct probe_object {
     double fewer_m[PROBE_FEWER][2]; /* what comes to moveout_m when every second speaker
                                      * is used, every fourth: they stand less evenly */
     double width_m[3];              /* of a point there */
-    double tilt[2];                 /* recon/planning/psf_tilt.h */
+    double tilt[2];                 /* psf_tilt */
 };
 
 struct probe {
@@ -52,5 +52,18 @@ int probe_run(struct probe *out, const struct trace_set *set, const struct grid 
 /* Only whether things mirror or scatter, which takes less.  0, -EINVAL, -ENOMEM. */
 int probe_scattering(struct probe *out, const struct trace_set *set,
                      const struct grid *grid, struct pool *pool);
+
+/* How the image of a point leans.  Its intensity falls around the point d as
+ * exp(-d' C d), where C is the covariance of the wavenumbers k = 2 pi f / c (sum of the
+ * unit vectors to both elements) over band and pairs, of which those of one midpoint
+ * count as one (the spread of a wave packet).  Echoes of what stands aside come at a
+ * slant, and so a plane of voxels that misses the point by dz in depth has its maximum
+ * beside it.
+ *
+ * tilt: by how much the maximum lies beside the point along x and y, over how much the
+ * plane lies behind it; 0 along axes that are not resolved.  Hann's window over the band.
+ * weight: recon/imaging/fold.h. */
+void psf_tilt(const struct geometry *g, const float *weight, const double band_hz[2],
+              const double at_m[3], double tilt[2]);
 
 #endif

@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "recon/imaging/fold.h"
-#include "recon/planning/psf_tilt.h"
+#include "recon/planning/probe.h"
 #include "tests/recon/rig.h"
 
 /* Pairs of all of 9 places 1 m along y, at 9 places 1 m along x, around the origin. */
