@@ -138,8 +138,8 @@ static int compress_position(struct measurement *m, size_t position, struct erro
                 there ? m->samples[at] - (m->background ? m->subtrahend[at] : 0.0f)
                       : 0.0f;
         }
-    compressor_execute_either(m->compressor, survey_is_down(&m->survey, m->speaker),
-                              m->ping, length, m->traces);
+    compressor_execute(m->compressor, survey_is_down(&m->survey, m->speaker), m->ping,
+                       length, m->traces);
     return 0;
 }
 

@@ -123,8 +123,8 @@ void compressor_whole(const struct compressor *c, struct trace_format *out, size
         pulse_compress_whole(c->matched[0], out, first);
 }
 
-void compressor_execute_either(struct compressor *c, bool down, const float *rx,
-                               size_t rx_stride, float complex *restrict y)
+void compressor_execute(struct compressor *c, bool down, const float *rx,
+                        size_t rx_stride, float complex *restrict y)
 {
     for (size_t i = 0; c->tapered && i < c->n_channels; i++)
         taper_ends(rx + i * rx_stride, c->n_samples, c->head, c->tail,
@@ -137,12 +137,6 @@ void compressor_execute_either(struct compressor *c, bool down, const float *rx,
         deramp_execute(c->deramp[down], rx, rx_stride, y);
     else
         pulse_compress_execute(c->matched[down], rx, rx_stride, y);
-}
-
-void compressor_execute(struct compressor *c, const float *rx, size_t rx_stride,
-                        float complex *restrict y)
-{
-    compressor_execute_either(c, false, rx, rx_stride, y);
 }
 
 void compressor_destroy(struct compressor *c)

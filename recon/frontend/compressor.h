@@ -40,13 +40,10 @@ void compressor_whole(const struct compressor *c, struct trace_format *out,
                       size_t *first);
 
 /* rx: [n_microphones][rx_stride >= ping_samples], y: [n_microphones][whole.n_samples].
- * One instance a thread. */
-void compressor_execute(struct compressor *c, const float *rx, size_t rx_stride,
-                        float complex *restrict y);
-
-/* The same of a ping whose chirp ran either way; of a survey whose chirps alternate. */
-void compressor_execute_either(struct compressor *c, bool down, const float *rx,
-                               size_t rx_stride, float complex *restrict y);
+ * down: of a survey whose chirps alternate, which way this one ran.  One instance a
+ * thread. */
+void compressor_execute(struct compressor *c, bool down, const float *rx,
+                        size_t rx_stride, float complex *restrict y);
 void compressor_destroy(struct compressor *c);
 
 #endif

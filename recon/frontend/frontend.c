@@ -12,8 +12,6 @@
 #include "dsp/tone_finder.h"
 #include "recon/frontend/channel_check.h"
 #include "recon/frontend/interference.h"
-#include "recon/frontend/mean_background.h"
-#include "recon/frontend/recorded_background.h"
 
 /* That a sound from outside is none of the place. */
 #define LONGEST_NS INT64_C(500000000)
@@ -424,8 +422,7 @@ static void compress(struct frontend *f, const struct ping *ping)
     size_t n, n_whole = f->whole_format.n_samples;
     const float *x = samples_of(f, ping, &n);
 
-    compressor_execute_either(f->compressor, ping->down, x, n,
-                              f->whole ? f->whole : f->traces);
+    compressor_execute(f->compressor, ping->down, x, n, f->whole ? f->whole : f->traces);
     f->newest = f->whole ? f->whole : f->traces;
     if (f->tones && ping->frame && ping->valid)
         cancel_tones(f, ping, x, n);

@@ -36,7 +36,7 @@
 #include "dsp/error.h"
 #include "dsp/tone_finder.h"
 #include "recon/ego.h"
-#include "recon/frontend/air.h"
+#include "recon/frontend/backgrounds.h"
 #include "recon/frontend/compressor.h"
 #include "recon/frontend/interference.h"
 #include "recon/frontend/self_test.h"

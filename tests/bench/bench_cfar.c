@@ -107,7 +107,8 @@ static int image(struct bench *b, struct error *why)
                      : -ENOMEM;
     }
     for (size_t j = 0; !err && j < SPEAKERS; j++) {
-        compressor_execute(compressor, sound + j * s->slot_samples, frames, traces);
+        compressor_execute(compressor, false, sound + j * s->slot_samples, frames,
+                           traces);
         imager_add(imager, 0, j, traces, NULL);
     }
     if (!err)

@@ -91,7 +91,7 @@ static void process_position(void *ctx, size_t position, size_t thread)
     for (size_t i = 0; i < (size_t)MICS * FRAMES; i++)
         d[i] = b->scene[start + i] - b->background[start + i];
     for (size_t j = 0; j < SPEAKERS; j++) {
-        compressor_execute(b->compressors[thread], d + j * SLOT, FRAMES,
+        compressor_execute(b->compressors[thread], false, d + j * SLOT, FRAMES,
                            b->traces[thread]);
         imager_add(b->imager, position, j, b->traces[thread], NULL);
     }

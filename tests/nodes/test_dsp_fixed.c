@@ -10,7 +10,7 @@
 #include <cmocka.h>
 
 #include "nodes/dsp/dsp.h"
-#include "recon/frontend/mean_background.h"
+#include "recon/frontend/backgrounds.h"
 #include "tests/nodes/scene.h"
 
 #define SCENE      ANLOS__PASS__SCENE

@@ -128,7 +128,7 @@ static bool ping(struct rig *r, size_t k)
     for (size_t i = 0; i < MICROPHONES; i++)
         moving_record(&r->world, 0.024 * (double)k, 0.024 * (double)k, false,
                       r->speakers_m[k % SPEAKERS], r->microphones_m[i], n, r->rx + i * n);
-    compressor_execute(r->compressor, r->rx, n, r->y);
+    compressor_execute(r->compressor, false, r->rx, n, r->y);
     t.survey_id = r->message->id;
     t.scan = 1;
     t.frame = (uint32_t)(1 + k / SPEAKERS);

@@ -7,7 +7,7 @@
 
 #include <cmocka.h>
 
-#include "recon/frontend/air.h"
+#include "recon/frontend/backgrounds.h"
 #include "recon/survey.h"
 #include "tests/nodes/near.h"
 

@@ -114,8 +114,8 @@ static double peak(struct rig *r, bool down, double *delay_s)
     double best = 0;
 
     *delay_s = 0;
-    compressor_execute_either(r->compressor, down, r->ping, r->processing.ping_samples,
-                              r->trace);
+    compressor_execute(r->compressor, down, r->ping, r->processing.ping_samples,
+                       r->trace);
     for (size_t i = 0; i < r->format.n_samples; i++)
         if (cabsf(r->trace[i]) > best) {
             best = cabsf(r->trace[i]);

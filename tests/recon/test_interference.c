@@ -9,8 +9,8 @@
 
 #include <cmocka.h>
 
+#include "recon/frontend/backgrounds.h"
 #include "recon/frontend/interference.h"
-#include "recon/frontend/mean_background.h"
 
 enum { MICROPHONES = 4, SAMPLES = 300, SLOT_NS = 20000000 };
 

@@ -151,8 +151,8 @@ static void reader_worker_compress(const struct reader_setup *r, struct reader_w
 {
     size_t stride;
     const float *ping = find_ping(r, w, samples, speaker, &stride);
-    compressor_execute_either(w->compressor, survey_is_down(r->cfg.survey, speaker), ping,
-                              stride, traces);
+    compressor_execute(w->compressor, survey_is_down(r->cfg.survey, speaker), ping,
+                       stride, traces);
 }
 
 /* The file ends with the last slot: what echoes of it would have come later is missing,

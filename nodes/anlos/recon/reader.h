@@ -12,7 +12,7 @@
 #include "dsp/pool.h"
 #include "hal/recording/recording.h"
 #include "nodes/anlos/recon/results.h"
-#include "recon/frontend/air.h"
+#include "recon/frontend/backgrounds.h"
 #include "recon/frontend/channel_check.h"
 #include "recon/frontend/compressor.h"
 

@@ -138,8 +138,8 @@ static void process_position(void *ctx, size_t position, size_t thread)
         subtract(p, w->difference, position * p->cfg.position_stride,
                  done > start ? done : start, end);
         done = end;
-        compressor_execute_either(w->compressor, survey_is_down(s, emission),
-                                  w->difference + start, p->stride, w->traces);
+        compressor_execute(w->compressor, survey_is_down(s, emission),
+                           w->difference + start, p->stride, w->traces);
         stopwatch_lap(&w->compress, &now, true);
         p->sink->take(p->sink->ctx, position, j, w->traces, NULL);
         stopwatch_lap(&w->sink, &now, true);

@@ -101,7 +101,7 @@ static void compress(struct bench_trials *t, float complex *out, size_t position
 {
     const struct survey *s = &t->survey;
     for (size_t j = 0; j < s->n_speakers; j++)
-        compressor_execute_either(
+        compressor_execute(
             t->compressors[thread], survey_is_down(s, j),
             samples + survey_slot_of(s, j) * s->slot_samples, t->scene->frames,
             out + (position * s->n_speakers + j) * s->n_microphones * t->n);
