@@ -24,10 +24,9 @@ struct confocal {
     struct lightcone *lightcone; /* NULL: as measured */
     struct resample *resample;
     struct pool *pool;
-    float *power;  /* [ny][nx][n_ranges] */
-    float *volume; /* [n_ranges][ny][nx] */
-    size_t n_planes, plane_size;
-    float *intensity; /* where imager_image wants it: [n_planes][plane_size] */
+    float *power;     /* [ny][nx][n_ranges] */
+    float *volume;    /* [n_ranges][ny][nx] */
+    struct grid grid; /* of the image */
 };
 
 static void confocal_destroy(void *state)
@@ -89,8 +88,7 @@ static int create(void **state, const struct imager_config *cfg, const char **wh
     if (!c)
         return -ENOMEM;
     c->pool = cfg->pool;
-    c->n_planes = cfg->grid.n[2];
-    c->plane_size = cfg->grid.n[0] * cfg->grid.n[1];
+    c->grid = cfg->grid;
     int err = colocated_create(&c->colocated, cfg, why);
     if (!err) {
         colocated_lattice(c->colocated, &c->lattice);
@@ -124,26 +122,6 @@ static void confocal_add(void *state, size_t position, size_t speaker,
     colocated_add(c->colocated, position, speaker, traces, masked);
 }
 
-/* A plane of the volume from the measurements. */
-static void slice(void *ctx, size_t z, size_t thread)
-{
-    struct confocal *c = ctx;
-    size_t cells = c->lattice.nx * c->lattice.ny;
-    (void)thread;
-    for (size_t q = 0; q < cells; q++)
-        c->volume[z * cells + q] = c->power[q * c->lattice.n_ranges + z];
-}
-
-/* Intensity is not negative; what is below 0 (or no number) is noise or interpolation. */
-static void clip(void *ctx, size_t z, size_t thread)
-{
-    struct confocal *c = ctx;
-    float *plane = c->intensity + z * c->plane_size;
-    (void)thread;
-    for (size_t q = 0; q < c->plane_size; q++)
-        plane[q] = plane[q] > 0.0f ? plane[q] : 0.0f;
-}
-
 static void confocal_image(void *state, float *intensity)
 {
     struct confocal *c = state;
@@ -151,10 +129,10 @@ static void confocal_image(void *state, float *intensity)
     if (c->lightcone)
         lightcone_inverse(c->lightcone, c->power, c->volume);
     else
-        pool_run(c->pool, c->lattice.n_ranges, slice, c);
+        method_planes(c->pool, c->lattice.n_ranges, c->lattice.nx * c->lattice.ny,
+                      c->power, c->volume);
     resample_volume(c->resample, c->volume, intensity);
-    c->intensity = intensity;
-    pool_run(c->pool, c->n_planes, clip, c);
+    method_clip(c->pool, &c->grid, intensity);
 }
 
 static void confocal_reset(void *state)

@@ -13,7 +13,10 @@
 #include "recon/coherent/dmo.h"
 #include "recon/coherent/midpoint.h"
 #include "recon/coherent/stretch.h"
+#include "recon/imaging/method.h"
 #include "recon/lines.h"
+
+#define MIN_SAMPLES 16 /* of an image, at least */
 
 /* An input is what one offset contributes to one line of midpoints in y; it has a trace
  * for each line in x.  Inputs are sorted by the x part of their offset. */
@@ -701,6 +704,40 @@ void zero_offset_destroy(struct zero_offset *c)
 void zero_offset_lattice(const struct zero_offset *c, struct zero_offset_lattice *out)
 {
     *out = c->plan.lattice;
+}
+
+int zero_offset_of_image(struct zero_offset **out, struct grid *volume, double *range_m,
+                         const struct imager_config *cfg, const char **why)
+{
+    double rate_hz = 2.0 * (cfg->band_hz[1] - cfg->band_hz[0]), span_s[2];
+    double half_c = 0.5 * cfg->geometry->sound_speed_m_s;
+    int err = method_span(span_s, cfg, 0.0, why);
+    if (err)
+        return err;
+    const struct zero_offset_config z = {
+        .geometry = cfg->geometry,
+        .in = cfg->format,
+        .band_hz = {cfg->band_hz[0], cfg->band_hz[1]},
+        .power = true,
+        .mute_s = cfg->gate_m[0] / half_c,
+        .out = {span_s[0], rate_hz, cfg->format.carrier_hz,
+                method_samples(span_s, rate_hz, MIN_SAMPLES)},
+        .pool = cfg->pool,
+    };
+    err = zero_offset_create(out, &z, why);
+    if (err)
+        return err;
+    const struct zero_offset_lattice *l = &(*out)->plan.lattice;
+    *range_m = half_c * span_s[0];
+    for (int a = 0; a < 2; a++) {
+        volume->origin_m[a] = l->first_m[a];
+        volume->step_m[a] = l->n[a] > 1 ? l->pitch_m[a] : cfg->grid.step_m[a];
+        volume->n[a] = l->n[a];
+    }
+    volume->origin_m[2] = l->plane_z_m + *range_m;
+    volume->step_m[2] = half_c / rate_hz;
+    volume->n[2] = z.out.n_samples;
+    return 0;
 }
 
 /* -- add --------------------------------------------------------------------------------

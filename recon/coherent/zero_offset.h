@@ -14,7 +14,7 @@
 
 #include "dsp/pool.h"
 #include "dsp/pulse_compress.h"
-#include "recon/geometry.h"
+#include "recon/imaging/imager.h"
 
 struct zero_offset_config {
     const struct geometry *geometry;
@@ -38,6 +38,12 @@ struct zero_offset;
 int zero_offset_create(struct zero_offset **out, const struct zero_offset_config *cfg,
                        const char **why);
 void zero_offset_lattice(const struct zero_offset *c, struct zero_offset_lattice *out);
+
+/* Of powers, for an image: its zero-offset times and its margins', at twice the band's
+ * width.  volume: the stack as one; a line of midpoints is as wide as the image's step.
+ * range_m: of its first plane from the array's.  As zero_offset_create. */
+int zero_offset_of_image(struct zero_offset **out, struct grid *volume, double *range_m,
+                         const struct imager_config *cfg, const char **why);
 
 /* traces [n_microphones][in.n_samples] of one ping; masked may be NULL.  Threads may add
  * different pings at once. */

@@ -89,6 +89,42 @@ size_t method_samples(const double span_s[2], double rate_hz, size_t at_least)
     return n > (double)at_least ? (size_t)n : at_least;
 }
 
+struct planes {
+    size_t n_planes, cells;
+    const float *ranges;
+    float *volume;
+};
+
+static void take_plane(void *ctx, size_t z, size_t thread)
+{
+    const struct planes *p = ctx;
+    (void)thread;
+    for (size_t q = 0; q < p->cells; q++)
+        p->volume[z * p->cells + q] = p->ranges[q * p->n_planes + z];
+}
+
+void method_planes(struct pool *pool, size_t n_planes, size_t cells, const float *ranges,
+                   float *volume)
+{
+    struct planes p = {n_planes, cells, ranges, volume};
+    pool_run(pool, n_planes, take_plane, &p);
+}
+
+static void clip_plane(void *ctx, size_t z, size_t thread)
+{
+    const struct planes *p = ctx;
+    float *plane = p->volume + z * p->cells;
+    (void)thread;
+    for (size_t q = 0; q < p->cells; q++)
+        plane[q] = plane[q] > 0.0f ? plane[q] : 0.0f;
+}
+
+void method_clip(struct pool *pool, const struct grid *g, float *intensity)
+{
+    struct planes p = {.cells = g->n[0] * g->n[1], .volume = intensity};
+    pool_run(pool, g->n[2], clip_plane, &p);
+}
+
 bool imager_adds(const char *name)
 {
     const struct imager_method *m = find(name);

@@ -36,6 +36,14 @@ int method_span(double span_s[2], const struct imager_config *cfg, double half_o
  * as the filters take. */
 size_t method_samples(const double span_s[2], double rate_hz, size_t at_least);
 
+/* A measurement [cells][n_planes] of ranges as the planes of a volume, [n_planes][cells].
+ */
+void method_planes(struct pool *pool, size_t n_planes, size_t cells, const float *ranges,
+                   float *volume);
+
+/* Intensity is not negative: what is below 0 (or no number) is noise or interpolation. */
+void method_clip(struct pool *pool, const struct grid *g, float *intensity);
+
 extern const struct imager_method method_fast;
 extern const struct imager_method method_backprojection;
 extern const struct imager_method method_confocal;

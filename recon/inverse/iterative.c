@@ -226,8 +226,6 @@ static void join(struct imager_outcome *out, const struct admm_result *part)
  * On the powers of all pairs moved out to zero offset.  The same contract as struct
  * imager_method. */
 
-#define MIN_SAMPLES 16
-
 struct iterative_lightcone {
     struct zero_offset *zero_offset;
     struct lightcone *lightcone;
@@ -263,39 +261,15 @@ static void adjoint(void *ctx, const float *y, float *x)
     lightcone_adjoint(ctx, y, x);
 }
 
-/* Zero-offset times of the image, its margins too. */
-static int plan_times(struct trace_format *out, const struct imager_config *cfg,
-                      const char **why)
-{
-    double rate_hz = 2.0 * (cfg->band_hz[1] - cfg->band_hz[0]), span_s[2];
-    int err = method_span(span_s, cfg, 0.0, why);
-    if (!err)
-        *out = (struct trace_format){span_s[0], rate_hz, cfg->format.carrier_hz,
-                                     method_samples(span_s, rate_hz, MIN_SAMPLES)};
-    return err;
-}
-
 static int plan_operator(struct iterative_lightcone *l, const struct imager_config *cfg,
-                         const struct trace_format *times, struct grid *volume)
+                         const struct grid *volume)
 {
-    struct zero_offset_lattice lattice;
-    double half_c = 0.5 * cfg->geometry->sound_speed_m_s, pitch_m[2];
-    zero_offset_lattice(l->zero_offset, &lattice);
-    for (int a = 0; a < 2; a++)
-        pitch_m[a] = lattice.n[a] > 1 ? lattice.pitch_m[a] : cfg->grid.step_m[a];
-    l->range_m = half_c * times->t0_s;
-    l->range_step_m = half_c / times->rate_hz;
-    *volume = (struct grid){
-        {lattice.first_m[0], lattice.first_m[1], lattice.plane_z_m + l->range_m},
-        {pitch_m[0], pitch_m[1], l->range_step_m},
-        {lattice.n[0], lattice.n[1], times->n_samples},
-    };
     const struct lightcone_config lightcone = {
-        .nx = lattice.n[0],
-        .ny = lattice.n[1],
-        .pitch_x_m = pitch_m[0],
-        .pitch_y_m = pitch_m[1],
-        .nt = times->n_samples,
+        .nx = volume->n[0],
+        .ny = volume->n[1],
+        .pitch_x_m = volume->step_m[0],
+        .pitch_y_m = volume->step_m[1],
+        .nt = volume->n[2],
         .range_m = l->range_m,
         .range_step_m = l->range_step_m,
         .falloff = 0.0, /* see amplify */
@@ -341,19 +315,11 @@ static int iterative_lightcone_create(struct iterative_lightcone **out,
     struct grid volume;
     if (!l)
         return -ENOMEM;
-    struct zero_offset_config z = {
-        .geometry = cfg->geometry,
-        .in = cfg->format,
-        .band_hz = {cfg->band_hz[0], cfg->band_hz[1]},
-        .power = true,
-        .mute_s = 2.0 * cfg->gate_m[0] / cfg->geometry->sound_speed_m_s,
-        .pool = cfg->pool,
-    };
-    int err = plan_times(&z.out, cfg, why);
-    if (!err)
-        err = zero_offset_create(&l->zero_offset, &z, why);
-    if (!err)
-        err = plan_operator(l, cfg, &z.out, &volume);
+    int err = zero_offset_of_image(&l->zero_offset, &volume, &l->range_m, cfg, why);
+    if (!err) {
+        l->range_step_m = volume.step_m[2];
+        err = plan_operator(l, cfg, &volume);
+    }
     if (!err)
         err = plan_admm(l, cfg, o, &volume);
     if (err) {

@@ -886,15 +886,6 @@ static void image_slab(struct incoherent *b, const struct slab *slab, float *int
         resample_volume(slab->resample, b->coarse, intensity);
 }
 
-static void clip(void *ctx, size_t plane, size_t thread)
-{
-    struct incoherent *b = ctx;
-    size_t n = b->grid.n[0] * b->grid.n[1];
-    (void)thread;
-    for (size_t v = plane * n; v < (plane + 1) * n; v++)
-        b->image[v] = b->image[v] > 0.0f ? b->image[v] : 0.0f;
-}
-
 static void incoherent_image(void *state, float *intensity)
 {
     struct incoherent *b = state;
@@ -907,8 +898,7 @@ static void incoherent_image(void *state, float *intensity)
     for (size_t i = 0; i < b->n_slabs; i++)
         image_slab(b, &b->slabs[i],
                    intensity + b->slabs[i].first_plane * b->grid.n[0] * b->grid.n[1]);
-    b->image = intensity;
-    pool_run(b->pool, b->grid.n[2], clip, b);
+    method_clip(b->pool, &b->grid, intensity);
 }
 
 const struct imager_method method_incoherent = {

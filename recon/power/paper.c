@@ -13,8 +13,7 @@
 #include "recon/planning/scattering.h"
 #include "recon/power/lightcone.h"
 
-#define MIN_SAMPLES 16
-#define FALLOFF     2.0 /* of a point's power after the gain */
+#define FALLOFF 2.0 /* of a point's power after the gain */
 
 /* Of the Wiener filter.  What is not of its model is no noise, but as loud as the echoes
  * themselves: powers of many points beat with each other, and what does not scatter all
@@ -34,12 +33,11 @@ struct paper {
     struct scattering_config scattering;
     struct lightcone *lightcone;
     struct resample *resample;
-    size_t cells, n_ranges;      /* midpoints, samples */
-    float *power;                /* [ny][nx][n_ranges] */
-    float *volume;               /* [n_ranges][ny][nx] */
-    float *scratch;              /* [2][ny][nx] */
-    size_t n_planes, plane_size; /* of the image */
-    float *intensity;
+    size_t cells, n_ranges; /* midpoints, samples */
+    float *power;           /* [ny][nx][n_ranges] */
+    float *volume;          /* [n_ranges][ny][nx] */
+    float *scratch;         /* [2][ny][nx] */
+    struct grid grid;       /* of the image */
 };
 
 static void paper_destroy(void *state)
@@ -54,18 +52,6 @@ static void paper_destroy(void *state)
     free(p->volume);
     free(p->scratch);
     free(p);
-}
-
-/* Zero-offset times of the image, its margins too. */
-static int plan_times(struct trace_format *out, const struct imager_config *cfg,
-                      const char **why)
-{
-    double rate_hz = 2.0 * (cfg->band_hz[1] - cfg->band_hz[0]), span_s[2];
-    int err = method_span(span_s, cfg, 0.0, why);
-    if (!err)
-        *out = (struct trace_format){span_s[0], rate_hz, cfg->format.carrier_hz,
-                                     method_samples(span_s, rate_hz, MIN_SAMPLES)};
-    return err;
 }
 
 static int plan_lightcone(struct paper *p, const struct imager_config *cfg)
@@ -87,34 +73,21 @@ static int plan_lightcone(struct paper *p, const struct imager_config *cfg)
 }
 
 static int plan_image(struct paper *p, const struct imager_config *cfg,
-                      const struct trace_format *times)
+                      const struct grid *volume, double range_m)
 {
-    struct zero_offset_lattice l;
-    double half_c = 0.5 * cfg->geometry->sound_speed_m_s, pitch_m[2];
-    zero_offset_lattice(p->zero_offset, &l);
-    for (int a = 0; a < 2; a++)
-        pitch_m[a] = l.n[a] > 1 ? l.pitch_m[a] : cfg->grid.step_m[a];
-    p->scattering = (struct scattering_config){l.n[0],
-                                               l.n[1],
-                                               pitch_m[0],
-                                               pitch_m[1],
-                                               times->n_samples,
-                                               half_c * times->t0_s,
-                                               half_c / times->rate_hz};
-    const struct grid volume = {
-        {l.first_m[0], l.first_m[1], l.plane_z_m + p->scattering.range_m},
-        {pitch_m[0], pitch_m[1], p->scattering.range_step_m},
-        {l.n[0], l.n[1], times->n_samples},
-    };
-    p->cells = l.n[0] * l.n[1];
-    p->power = malloc(grid_size(&volume) * sizeof *p->power);
-    p->volume = malloc(grid_size(&volume) * sizeof *p->volume);
+    p->scattering = (struct scattering_config){
+        volume->n[0], volume->n[1], volume->step_m[0], volume->step_m[1],
+        volume->n[2], range_m,      volume->step_m[2]};
+    p->cells = volume->n[0] * volume->n[1];
+    p->n_ranges = volume->n[2];
+    p->power = malloc(grid_size(volume) * sizeof *p->power);
+    p->volume = malloc(grid_size(volume) * sizeof *p->volume);
     p->scratch = malloc(2 * p->cells * sizeof *p->scratch);
     if (!p->power || !p->volume || !p->scratch)
         return -ENOMEM;
     int err = p->migrate ? plan_lightcone(p, cfg) : 0;
     return err ? err
-               : resample_create(&p->resample, &volume, &cfg->grid, RESAMPLE_CUBIC,
+               : resample_create(&p->resample, volume, &cfg->grid, RESAMPLE_CUBIC,
                                  cfg->pool);
 }
 
@@ -130,24 +103,14 @@ static int paper_create(void **state, const struct imager_config *cfg, const cha
     struct paper *p = calloc(1, sizeof *p);
     if (!p)
         return -ENOMEM;
-    struct zero_offset_config z = {
-        .geometry = cfg->geometry,
-        .in = cfg->format,
-        .band_hz = {cfg->band_hz[0], cfg->band_hz[1]},
-        .power = true,
-        .mute_s = 2.0 * cfg->gate_m[0] / cfg->geometry->sound_speed_m_s,
-        .pool = cfg->pool,
-    };
-    int err = plan_times(&z.out, cfg, why);
+    struct grid volume;
+    double range_m;
     p->pool = cfg->pool;
     p->migrate = plan_options(cfg);
-    p->n_planes = cfg->grid.n[2];
-    p->plane_size = cfg->grid.n[0] * cfg->grid.n[1];
-    p->n_ranges = z.out.n_samples;
+    p->grid = cfg->grid;
+    int err = zero_offset_of_image(&p->zero_offset, &volume, &range_m, cfg, why);
     if (!err)
-        err = zero_offset_create(&p->zero_offset, &z, why);
-    if (!err)
-        err = plan_image(p, cfg, &z.out);
+        err = plan_image(p, cfg, &volume, range_m);
     if (err) {
         paper_destroy(p);
         return err;
@@ -161,25 +124,6 @@ static void paper_add(void *state, size_t position, size_t speaker,
 {
     struct paper *p = state;
     zero_offset_add(p->zero_offset, position, speaker, traces, masked);
-}
-
-/* A plane of the volume from the stack. */
-static void slice(void *ctx, size_t z, size_t thread)
-{
-    struct paper *p = ctx;
-    (void)thread;
-    for (size_t q = 0; q < p->cells; q++)
-        p->volume[z * p->cells + q] = p->power[q * p->n_ranges + z];
-}
-
-/* Intensity is not negative; what is below 0 is noise or interpolation. */
-static void clip(void *ctx, size_t z, size_t thread)
-{
-    struct paper *p = ctx;
-    float *plane = p->intensity + z * p->plane_size;
-    (void)thread;
-    for (size_t q = 0; q < p->plane_size; q++)
-        plane[q] = plane[q] > 0.0f ? plane[q] : 0.0f;
 }
 
 /* Only mirrors that face the array stand in the stack where they are (Lindell 2019,
@@ -199,10 +143,9 @@ static void paper_image(void *state, float *intensity)
     if (p->migrated)
         lightcone_inverse(p->lightcone, p->power, p->volume);
     else
-        pool_run(p->pool, p->n_ranges, slice, p);
+        method_planes(p->pool, p->n_ranges, p->cells, p->power, p->volume);
     resample_volume(p->resample, p->volume, intensity);
-    p->intensity = intensity;
-    pool_run(p->pool, p->n_planes, clip, p);
+    method_clip(p->pool, &p->grid, intensity);
 }
 
 static void paper_describe(const void *state, struct imager_outcome *out)
