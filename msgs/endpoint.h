@@ -28,7 +28,7 @@ int endpoint_make_folder(const char *run_dir, struct error *why);
 
 /* Takes the lock of a node's name; the kernel lets go of it when the process ends,
  * however it ends.  The file stays: it says which process it was, and whether that lived
- * in a replay (nodes/rt/presence.h).  A descriptor to close, or -EADDRINUSE (a live node
+ * in a replay (nodes/rt/rundir.h).  A descriptor to close, or -EADDRINUSE (a live node
  * holds it), other negative errno. */
 int endpoint_lock(const char *run_dir, const char *node, bool replay, struct error *why);
 

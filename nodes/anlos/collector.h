@@ -18,8 +18,8 @@
 #include "msgs/log.pb-c.h"
 #include "msgs/scan.pb-c.h"
 #include "msgs/topics.h"
-#include "nodes/rt/presence.h"
-#include "nodes/rt/priority.h"
+#include "nodes/rt/process.h"
+#include "nodes/rt/rundir.h"
 
 #define COLLECTOR_SILENT_NS                                                              \
     2500000000LL /* two health messages and a half are missing                           \

@@ -16,10 +16,9 @@
 #include "nodes/record/parts.h"
 #include "nodes/rt/arguments.h"
 #include "nodes/rt/export.h"
-#include "nodes/rt/heap.h"
 #include "nodes/rt/launchfile_hosts.h"
 #include "nodes/rt/node.h"
-#include "nodes/rt/priority.h"
+#include "nodes/rt/process.h"
 #include "nodes/rt/uri.h"
 
 static void print_help(void)

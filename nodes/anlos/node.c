@@ -10,11 +10,11 @@
 #include "msgs/endpoint.h"
 #include "msgs/hosts.h"
 #include "nodes/anlos/commands.h"
-#include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/text.h"
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/export.h"
 #include "nodes/rt/rundir.h"
+#include "nodes/rt/stop.h"
 
 static void print_link(const struct table_link *l, FILE *f)
 {

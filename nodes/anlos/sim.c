@@ -17,9 +17,9 @@
 #include "hal/survey/file.h"
 #include "hal/survey/firing.h"
 #include "nodes/anlos/commands.h"
-#include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/export.h"
+#include "nodes/rt/stop.h"
 
 /* A scene file to a recording on disk: both passes as WAV files, survey.yaml with its
  * calibration curves, truth.json. */

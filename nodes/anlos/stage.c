@@ -14,10 +14,10 @@
 #include "msgs/topics.h"
 #include "nodes/anlos/commands.h"
 #include "nodes/anlos/feed.h"
-#include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/exit_code.h"
 #include "nodes/rt/rundir.h"
+#include "nodes/rt/stop.h"
 
 enum stage_verb { VERB_STATUS, VERB_HOME, VERB_MOVE, VERB_STOP, VERB_RELEASE };
 

@@ -13,7 +13,7 @@
 
 #include "dsp/nearest.h"
 #include "nodes/rt/json_whole.h"
-#include "nodes/rt/processors.h"
+#include "nodes/rt/process.h"
 
 int usage_error(const char *command, const char *format, ...)
 {

@@ -91,7 +91,7 @@ int usage_positive(const char *text, double *out);
 /* n finite numbers with commas between.  0, -EINVAL. */
 int usage_numbers(const char *text, size_t n, double *out);
 
-/* As many threads as a node has: nodes/rt/processors.h. */
+/* As many threads as a node has: nodes/rt/process.h. */
 size_t usage_default_threads(void);
 
 #endif

@@ -6,10 +6,10 @@
 #include "hal/clock.h"
 #include "msgs/bus.h"
 #include "nodes/anlos/commands.h"
-#include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/usage.h"
-#include "nodes/rt/heap.h"
+#include "nodes/rt/process.h"
 #include "nodes/rt/rundir.h"
+#include "nodes/rt/stop.h"
 #include "nodes/view/viewer.h"
 
 #define LOOK_UP_MS 100 /* between looks at Ctrl-C */

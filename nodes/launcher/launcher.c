@@ -24,7 +24,7 @@
 #include "nodes/rt/log_history.h"
 #include "nodes/rt/log_topic.h"
 #include "nodes/rt/node.h"
-#include "nodes/rt/priority.h"
+#include "nodes/rt/process.h"
 
 /* The signals that end the launcher, and those of its children, to be read where it
  * waits. */

@@ -8,7 +8,7 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "nodes/rt/colour.h"
+#include "nodes/rt/terminal.h"
 
 void progress_init(struct progress *p, bool terminal)
 {

@@ -1,10 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 /* nodes/launcher/screen.h -- what the launcher shows: log lines of the nodes on stderr,
  * with stamp, node and level, on a terminal with the local time and in colours
- * (nodes/rt/colour.h);
- * one line of progress on stdout, which on a terminal stays below them.  A reader that
- * does not read, or a terminal that was stopped, holds nothing up: lines are left out,
- * and how many is said when there is room again. */
+ * (nodes/rt/terminal.h); one line of progress on stdout, which on a terminal stays below
+ * them.  A reader that does not read, or a terminal that was stopped, holds nothing up:
+ * lines are left out, and how many is said when there is room again. */
 #ifndef ANLOS_NODES_LAUNCHER_SCREEN_H
 #define ANLOS_NODES_LAUNCHER_SCREEN_H
 

@@ -15,7 +15,7 @@
 #include "nodes/play/rewrite.h"
 #include "nodes/play/subscribers.h"
 #include "nodes/rt/patterns.h"
-#include "nodes/rt/presence.h"
+#include "nodes/rt/rundir.h"
 
 #define UNDER_WAY_MAX 96
 #define FRAMES_AHEAD  8 /* pings of an array that stands, each of which makes an image */

@@ -9,7 +9,7 @@
 #include "msgs/topics.h"
 #include "nodes/recon/volume_room.h"
 #include "nodes/rt/launchfile_pipeline.h"
-#include "nodes/rt/processors.h"
+#include "nodes/rt/process.h"
 
 #define REPEAT_NS         2000000000LL /* the last volume, for whoever missed it */
 #define PLAN_S            60.0         /* at most: of a fine volume */

@@ -10,7 +10,7 @@
 #include "nodes/recon/volume_room.h"
 #include "nodes/rt/launchfile_pipeline.h"
 #include "nodes/rt/pace.h"
-#include "nodes/rt/processors.h"
+#include "nodes/rt/process.h"
 
 #define PLAN_S 60.0 /* at most: of a fine volume */
 

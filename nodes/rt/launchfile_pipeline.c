@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "nodes/rt/launchfile.h"
-#include "nodes/rt/processors.h"
+#include "nodes/rt/process.h"
 
 static void track(struct object_tracker_config *out, const struct launch_track *t,
                   double walls_s)

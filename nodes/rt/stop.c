@@ -10,6 +10,9 @@
 
 #include "msgs/bus.h"
 
+/* -- a node -----------------------------------------------------------------------------
+ */
+
 /* The stop flag: the bus that a signal wakes. */
 static _Atomic(struct bus *) stop_bus;
 static volatile sig_atomic_t stop_asked;
@@ -84,4 +87,35 @@ void stop_wakes(struct bus *bus)
 bool stop_requested(void)
 {
     return stop_asked != 0;
+}
+
+/* -- a command --------------------------------------------------------------------------
+ */
+
+static volatile sig_atomic_t requested;
+
+static void on_signal(int number)
+{
+    (void)number;
+    requested = 1;
+}
+
+void interrupt_catch(void)
+{
+    struct sigaction stop = {.sa_handler = on_signal, .sa_flags = (int)SA_RESETHAND};
+    struct sigaction ignore = {.sa_handler = SIG_IGN}, before;
+    requested = 0;
+    sigemptyset(&stop.sa_mask);
+    sigemptyset(&ignore.sa_mask);
+    sigaction(SIGINT, &stop, NULL);
+    sigaction(SIGTERM, &stop, NULL);
+    if (!sigaction(SIGHUP, NULL, &before) && before.sa_handler != SIG_IGN) /* nohup */
+        sigaction(SIGHUP, &stop, NULL);
+    sigaction(SIGPIPE, &ignore, NULL);
+    sigaction(SIGXFSZ, &ignore, NULL);
+}
+
+bool interrupt_requested(void)
+{
+    return requested != 0;
 }

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* nodes/rt/stop.h -- how a node process is asked to end: SIGINT, SIGTERM, or the end of
- * the launcher that started it.  Its one stop flag is global, as signal handlers need. */
+/* nodes/rt/stop.h -- how a process is asked to end.  Its flags are global, as signal
+ * handlers need. */
 #ifndef ANLOS_NODES_RT_STOP_H
 #define ANLOS_NODES_RT_STOP_H
 
@@ -8,6 +8,8 @@
 #include <stdbool.h>
 
 struct bus;
+
+/* A node: by SIGINT, SIGTERM, or the end of the launcher that started it. */
 
 /* Catches the signals (SIGPIPE becomes an error of its write) and follows the launcher.
  * 0 or a negative errno. */
@@ -22,5 +24,12 @@ void stop_unblock(const sigset_t *before);
 void stop_wakes(struct bus *bus);
 
 bool stop_requested(void);
+
+/* A command: Ctrl-C asks it to stop at the next good place. */
+
+/* SIGINT, SIGTERM and SIGHUP only set the flag from now on (the second one kills as
+ * usual); SIGPIPE and SIGXFSZ become errors of the write that caused them. */
+void interrupt_catch(void);
+bool interrupt_requested(void);
 
 #endif

@@ -9,11 +9,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/speed_error/names.h"
 #include "nodes/anlos/speed_error/noise.h"
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/export.h"
+#include "nodes/rt/stop.h"
 #include "recon/frontend/compressor.h"
 
 #define FALSE_ALARMS 0.01

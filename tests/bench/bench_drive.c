@@ -12,12 +12,12 @@
 #include <unistd.h>
 
 #include "hal/room/room.h"
-#include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/score/drive_report.h"
 #include "nodes/anlos/speed_error/names.h"
 #include "nodes/anlos/stopwatch.h"
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/export.h"
+#include "nodes/rt/stop.h"
 #include "tests/bench/drive_jobs.h"
 
 /* How far many drives are, on stderr: on a terminal one line that changes, elsewhere a

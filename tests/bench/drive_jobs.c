@@ -15,8 +15,8 @@
 
 #include "msgs/convert.h"
 #include "nodes/anlos/doctor/drive_pipe.h"
-#include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/score/drive_score.h"
+#include "nodes/rt/stop.h"
 
 #define STAMP_NS 1000000000 /* of time 0: a stamp of 0 is none */
 

@@ -5,7 +5,7 @@
 #include <errno.h>
 #include <signal.h>
 
-#include "nodes/anlos/interrupt.h"
+#include "nodes/rt/stop.h"
 #include "tests/bench/drive_jobs.h"
 
 /* Nothing hides; half a second. */

@@ -22,7 +22,7 @@
 #include "nodes/anlos/bag/selection.h"
 #include "nodes/anlos/bag/stream.h"
 #include "nodes/anlos/commands.h"
-#include "nodes/anlos/interrupt.h"
+#include "nodes/rt/stop.h"
 #include "tests/nodes/command.h"
 #include "tests/nodes/near.h"
 

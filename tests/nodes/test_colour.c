@@ -14,7 +14,7 @@
 #include <cmocka.h>
 
 #include "nodes/launcher/screen.h"
-#include "nodes/rt/colour.h"
+#include "nodes/rt/terminal.h"
 
 static const struct {
     const char *term, *no_color;

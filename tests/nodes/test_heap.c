@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: MIT */
-/* nodes/rt/heap.c, in a node: what the C library says of its heaps.  AddressSanitizer has
+/* heap_share, in a node: what the C library says of its heaps.  AddressSanitizer has
  * its own, of which it knows nothing. */
 #include "tests/hal/scratch.h"
 
 #include <malloc.h>
 #include <pthread.h>
 
-#include "nodes/rt/heap.h"
 #include "nodes/rt/node.h"
+#include "nodes/rt/process.h"
 
 #if defined(__has_feature)
 #if __has_feature(address_sanitizer)

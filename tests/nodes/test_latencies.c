@@ -7,7 +7,7 @@
 
 #include <cmocka.h>
 
-#include "nodes/rt/latencies.h"
+#include "nodes/rt/health.h"
 #include "tests/nodes/near.h"
 
 #define S 1000000000LL

@@ -16,7 +16,7 @@
 #include <cmocka.h>
 
 #include "msgs/endpoint.h"
-#include "nodes/rt/presence.h"
+#include "nodes/rt/rundir.h"
 #include "tests/hal/scratch.h"
 
 static enum presence look(const char *folder, const char *node)

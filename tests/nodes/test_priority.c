@@ -12,7 +12,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "nodes/rt/priority.h"
+#include "nodes/rt/process.h"
 
 #define DRIVE "nodes: [can]\narray: {uri: 'sim:a.yaml'}\nscan: {mode: fixed}\n"
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* nodes/rt/processors.c, and that the recon node's steps go by it. */
+/* processors_usable, and that the recon node's steps go by it. */
 #include "tests/hal/scratch.h"
 
 #include <dirent.h>
@@ -7,7 +7,7 @@
 
 #include "nodes/recon/recon.h"
 #include "nodes/recon/steady.h"
-#include "nodes/rt/processors.h"
+#include "nodes/rt/process.h"
 
 static cpu_set_t all;
 

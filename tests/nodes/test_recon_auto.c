@@ -13,9 +13,9 @@
 
 #include <cmocka.h>
 
-#include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/recon/auto.h"
 #include "nodes/anlos/recon/report.h"
+#include "nodes/rt/stop.h"
 #include "tests/nodes/near.h"
 #include "tests/nodes/simulated.h"
 #include "tests/nodes/traces_write.h"

@@ -21,8 +21,8 @@
 #include <cmocka.h>
 
 #include "nodes/anlos/commands.h"
-#include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/recon/job.h"
+#include "nodes/rt/stop.h"
 #include "tests/hal/folder.h"
 #include "tests/nodes/command.h"
 #include "tests/nodes/near.h"

@@ -11,8 +11,8 @@
 
 #include <cmocka.h>
 
-#include "nodes/anlos/live.h"
 #include "nodes/anlos/topic/tally.h"
+#include "nodes/rt/terminal.h"
 #include "tests/nodes/near.h"
 
 #define MS 1000000LL

@@ -9,8 +9,8 @@
 #include "msgs/bag/check.h"
 #include "msgs/bag/recover.h"
 #include "nodes/anlos/bag/bag.h"
-#include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/usage.h"
+#include "nodes/rt/stop.h"
 
 static const char check_help[] =
     "anlos bag check -- is a bag what it says it is?\n"

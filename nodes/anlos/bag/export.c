@@ -15,12 +15,12 @@
 #include "msgs/convert.h"
 #include "msgs/detections.pb-c.h"
 #include "nodes/anlos/bag/bag.h"
-#include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/topic/message_json.h"
 #include "nodes/anlos/usage.h"
 #include "nodes/foxglove/channels.h"
 #include "nodes/rt/export.h"
 #include "nodes/rt/export_projection.h"
+#include "nodes/rt/stop.h"
 
 static const char head[] =
     "capture_ns,publish_ns,scan,counter,preview,frame,mirrored,id,x_m,y_m,z_m,"

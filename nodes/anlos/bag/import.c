@@ -17,9 +17,9 @@
 #include "nodes/anlos/bag/bag.h"
 #include "nodes/anlos/bag/ego_table.h"
 #include "nodes/anlos/confocal/traces.h"
-#include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/usage.h"
 #include "nodes/array/acquisition.h"
+#include "nodes/rt/stop.h"
 #include "recon/tail.h"
 
 #define SURVEY_PERIOD_NS 1000000000LL /* as the array node repeats it */

@@ -12,9 +12,9 @@
 #include "msgs/bag/reader.h"
 #include "msgs/bag/topic_message.h"
 #include "nodes/anlos/bag/bag.h"
-#include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/json_whole.h"
+#include "nodes/rt/stop.h"
 
 /* -- how much of each topic is in a bag -------------------------------------------------
  */

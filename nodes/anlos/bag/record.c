@@ -12,15 +12,15 @@
 #include "msgs/bag/compression.h"
 #include "nodes/anlos/bag/bag.h"
 #include "nodes/anlos/feed.h"
-#include "nodes/anlos/interrupt.h"
-#include "nodes/anlos/live.h"
 #include "nodes/anlos/usage.h"
 #include "nodes/record/recorder.h"
 #include "nodes/record/session.h"
 #include "nodes/record/tap.h"
-#include "nodes/rt/heap.h"
 #include "nodes/rt/log.h"
+#include "nodes/rt/process.h"
 #include "nodes/rt/rundir.h"
+#include "nodes/rt/stop.h"
+#include "nodes/rt/terminal.h"
 
 /* What `anlos bag record` shows: on a terminal a line that is rewritten, elsewhere a
  * line whenever messages get lost; at the end a table. */

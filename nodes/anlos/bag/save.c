@@ -10,9 +10,9 @@
 #include "msgs/save.pb-c.h"
 #include "nodes/anlos/bag/bag.h"
 #include "nodes/anlos/feed.h"
-#include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/rundir.h"
+#include "nodes/rt/stop.h"
 
 #define REPEAT_MS 100          /* a request that is not answered is sent again */
 #define ANSWER_NS 5000000000LL /* without an answer there is no recorder that could */

@@ -13,8 +13,8 @@
 #include "msgs/bag/topic_message.h"
 #include "msgs/shuffle.h"
 #include "nodes/anlos/bag/bag.h"
-#include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/usage.h"
+#include "nodes/rt/stop.h"
 
 struct input {
     struct bag_cursor *cursor;

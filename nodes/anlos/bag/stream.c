@@ -6,7 +6,7 @@
 
 #include "msgs/unpack.h"
 #include "nodes/anlos/bag/bag.h"
-#include "nodes/anlos/interrupt.h"
+#include "nodes/rt/stop.h"
 
 struct stream {
     struct bag_catalog *catalog;

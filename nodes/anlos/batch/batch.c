@@ -22,11 +22,11 @@
 #include "nodes/anlos/batch/merge.h"
 #include "nodes/anlos/batch/result.h"
 #include "nodes/anlos/commands.h"
-#include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/stopwatch.h"
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/export.h"
-#include "nodes/rt/processors.h"
+#include "nodes/rt/process.h"
+#include "nodes/rt/stop.h"
 
 static const char help[] =
     "anlos batch -- process many recordings, one result each\n"

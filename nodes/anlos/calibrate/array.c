@@ -12,7 +12,7 @@
 #include "nodes/anlos/calibrate/calibrate.h"
 #include "nodes/anlos/calibrate/carrier.h"
 #include "nodes/anlos/calibrate/paths.h"
-#include "nodes/anlos/interrupt.h"
+#include "nodes/rt/stop.h"
 #include "recon/walls/wall_fit.h"
 
 #define PLACED_MM     10.0 /* what a tape measure leaves */

@@ -13,8 +13,8 @@
 #include "hal/survey/file.h"
 #include "nodes/anlos/calibrate/calibrate.h"
 #include "nodes/anlos/calibrate/carrier.h"
-#include "nodes/anlos/interrupt.h"
 #include "nodes/rt/export.h"
+#include "nodes/rt/stop.h"
 #include "recon/survey.h"
 
 #define RETRIES 5 /* of a position whose pings come invalid */

@@ -11,8 +11,8 @@
 
 #include "hal/survey/calibration.h"
 #include "nodes/anlos/commands.h"
-#include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/usage.h"
+#include "nodes/rt/stop.h"
 #include "nodes/rt/uri.h"
 
 /* -- a channel's faults in words --------------------------------------------------------

@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "hal/stage.h"
-#include "nodes/anlos/interrupt.h"
+#include "nodes/rt/stop.h"
 
 #define LOOK_NS 10000000 /* between looks at a stage that moves */
 

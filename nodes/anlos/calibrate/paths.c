@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "dsp/chirp.h"
-#include "nodes/anlos/interrupt.h"
+#include "nodes/rt/stop.h"
 #include "recon/processing.h"
 
 #define RETRIES       5    /* of one ping that comes invalid */

@@ -16,8 +16,8 @@
 #include "hal/clock.h"
 #include "msgs/can/frames.h"
 #include "nodes/anlos/commands.h"
-#include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/usage.h"
+#include "nodes/rt/stop.h"
 
 /* -- one frame as a line -------------------------------------------------------------
  */

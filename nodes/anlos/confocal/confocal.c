@@ -9,9 +9,9 @@
 
 #include "msgs/convert.h"
 #include "nodes/anlos/confocal/traces.h"
-#include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/export.h"
+#include "nodes/rt/stop.h"
 #include "recon/coherent/fk.h"
 #include "recon/detection/objects.h"
 #include "recon/imaging/imager.h"

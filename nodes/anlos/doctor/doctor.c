@@ -10,7 +10,7 @@
 #include "nodes/anlos/commands.h"
 #include "nodes/anlos/doctor/findings.h"
 #include "nodes/anlos/usage.h"
-#include "nodes/rt/colour.h"
+#include "nodes/rt/terminal.h"
 
 #define DEADLINE_NS 10000000000LL
 

@@ -13,9 +13,7 @@
 #include "nodes/anlos/doctor/doctor.h"
 #include "nodes/anlos/doctor/drive_pipe.h"
 #include "nodes/anlos/doctor/findings.h"
-#include "nodes/rt/presence.h"
-#include "nodes/rt/priority.h"
-#include "nodes/rt/processors.h"
+#include "nodes/rt/process.h"
 #include "nodes/rt/rundir.h"
 #include "nodes/rt/uri.h"
 

@@ -7,13 +7,13 @@
 
 #include "hal/survey/file.h"
 #include "nodes/anlos/commands.h"
-#include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/psf/file.h"
 #include "nodes/anlos/recon/job.h"
 #include "nodes/anlos/recon/options.h"
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/export.h"
 #include "nodes/rt/export_projection.h"
+#include "nodes/rt/stop.h"
 #include "recon/grid.h"
 
 /* The point spread function of an array: a Gaussian with rotation fitted to the image of

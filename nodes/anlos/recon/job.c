@@ -8,8 +8,8 @@
 
 #include "hal/survey/file.h"
 #include "msgs/convert.h"
-#include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/recon/auto.h"
+#include "nodes/rt/stop.h"
 #include "recon/detection/clean.h"
 #include "recon/detection/objects.h"
 #include "recon/imaging/imager.h"

@@ -9,7 +9,7 @@
 #include <string.h>
 
 #include "dsp/drift.h"
-#include "nodes/anlos/interrupt.h"
+#include "nodes/rt/stop.h"
 
 /* Inside the reader: what one thread needs to make traces of one stage position, and the
  * steps of it. */

@@ -4,12 +4,12 @@
 
 #include "nodes/anlos/commands.h"
 #include "nodes/anlos/confocal/confocal.h"
-#include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/recon/job.h"
 #include "nodes/anlos/recon/report.h"
 #include "nodes/anlos/replay/replay.h"
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/export.h"
+#include "nodes/rt/stop.h"
 
 /* began: when the command started, the write times are put into the report. */
 static int write_results(struct recon_job *job, const char *folder, json_t *warnings,

@@ -13,7 +13,6 @@
 #include "msgs/convert.h"
 #include "msgs/topics.h"
 #include "nodes/anlos/bag/stream.h"
-#include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/recon/options.h"
 #include "nodes/anlos/recon/report.h"
 #include "nodes/anlos/replay/chain.h"
@@ -22,6 +21,7 @@
 #include "nodes/rt/export.h"
 #include "nodes/rt/launchfile.h"
 #include "nodes/rt/launchfile_pipeline.h"
+#include "nodes/rt/stop.h"
 #include "recon/imaging/imager.h"
 #include "recon/processing.h"
 

@@ -7,11 +7,11 @@
 #include <string.h>
 
 #include "nodes/anlos/commands.h"
-#include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/score/drive_bag.h"
 #include "nodes/anlos/score/drive_report.h"
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/export.h"
+#include "nodes/rt/stop.h"
 
 static const char help[] =
     "anlos score -- how far recorded tracks are from who was there\n"

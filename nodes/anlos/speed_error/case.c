@@ -9,9 +9,9 @@
 #include <string.h>
 
 #include "dsp/pool.h"
-#include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/recon/auto.h"
 #include "nodes/anlos/stopwatch.h"
+#include "nodes/rt/stop.h"
 #include "recon/frontend/compressor.h"
 #include "recon/processing.h"
 

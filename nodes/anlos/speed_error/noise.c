@@ -9,8 +9,8 @@
 #include <string.h>
 
 #include "hal/random.h"
-#include "nodes/anlos/interrupt.h"
 #include "nodes/rt/export.h"
+#include "nodes/rt/stop.h"
 #include "recon/detection/peak.h"
 #include "recon/frontend/compressor.h"
 

@@ -17,8 +17,8 @@
 #include "hal/room/room.h"
 #include "hal/room/scene.h"
 #include "hal/survey/file.h"
-#include "nodes/anlos/interrupt.h"
 #include "nodes/rt/export.h"
+#include "nodes/rt/stop.h"
 
 /* FOLDER/NAME and the rest of the name.  0, -ENAMETOOLONG. */
 static int bench_join(char out[PATH_MAX], const char *folder, const char *name,

@@ -10,13 +10,13 @@
 #include <string.h>
 
 #include "nodes/anlos/commands.h"
-#include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/speed_error/names.h"
 #include "nodes/anlos/speed_error/noise.h"
 #include "nodes/anlos/speed_error/report.h"
 #include "nodes/anlos/speed_error/results.h"
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/export.h"
+#include "nodes/rt/stop.h"
 
 #define PATIENCE_S    0.8 /* of one case, for the fastest of some runs */
 #define QUICK_LIMIT_S 2.0

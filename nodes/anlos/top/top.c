@@ -16,11 +16,11 @@
 #include "hal/clock.h"
 #include "nodes/anlos/commands.h"
 #include "nodes/anlos/feed.h"
-#include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/top/screen.h"
 #include "nodes/anlos/usage.h"
-#include "nodes/rt/colour.h"
 #include "nodes/rt/rundir.h"
+#include "nodes/rt/stop.h"
+#include "nodes/rt/terminal.h"
 
 #define LOOK_UP_MS       100          /* between looks at Ctrl-C and the clock */
 #define FIRST_TABLE_NS   3500000000LL /* rates need two health messages of each node */

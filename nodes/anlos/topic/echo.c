@@ -13,9 +13,9 @@
 #include "msgs/bag/schemas.h"
 #include "msgs/bag/topic_message.h"
 #include "nodes/anlos/feed.h"
-#include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/topic/message_json.h"
 #include "nodes/anlos/usage.h"
+#include "nodes/rt/stop.h"
 
 #define LOOK_UP_MS  100 /* between looks at Ctrl-C and the clock */
 #define PATIENCE_NS 2000000000LL

@@ -11,10 +11,10 @@
 
 #include "hal/clock.h"
 #include "msgs/hosts.h"
-#include "nodes/anlos/interrupt.h"
 #include "nodes/anlos/topic/message_json.h"
 #include "nodes/anlos/usage.h"
-#include "nodes/rt/presence.h"
+#include "nodes/rt/rundir.h"
+#include "nodes/rt/stop.h"
 
 #define JOIN_NS    1000000000LL /* for subscribers to find a publisher that is new */
 #define REJOIN_NS  300000000LL  /* and for the others, once one has: its tries' period */

@@ -12,12 +12,12 @@
 #include "hal/clock.h"
 #include "nodes/anlos/commands.h"
 #include "nodes/anlos/feed.h"
-#include "nodes/anlos/interrupt.h"
-#include "nodes/anlos/live.h"
 #include "nodes/anlos/topic/message_json.h"
 #include "nodes/anlos/topic/tally.h"
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/rundir.h"
+#include "nodes/rt/stop.h"
+#include "nodes/rt/terminal.h"
 
 /* -- listening to a running system ------------------------------------------------------
  */

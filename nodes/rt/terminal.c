@@ -1,9 +1,18 @@
 /* SPDX-License-Identifier: MIT */
-#include "nodes/anlos/live.h"
+#include "nodes/rt/terminal.h"
 
 #include <errno.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/ioctl.h>
+#include <unistd.h>
+
+bool colour_wanted(int fd)
+{
+    const char *no = getenv("NO_COLOR"), *kind = getenv("TERM");
+
+    return isatty(fd) && !(no && *no) && kind && *kind && strcmp(kind, "dumb") != 0;
+}
 
 static size_t count_lines(const char *text)
 {
@@ -14,9 +23,9 @@ static size_t count_lines(const char *text)
     return n;
 }
 
-int live_draw(struct live *l, const char *text, size_t rows, size_t columns)
+int live_draw(struct live *l, const char *text, size_t high, size_t wide)
 {
-    size_t n = count_lines(text), room = rows > 2 ? rows - 1 : 1, shown = n;
+    size_t n = count_lines(text), room = high > 2 ? high - 1 : 1, shown = n;
 
     if (n > room)
         shown = room - 1;
@@ -24,7 +33,7 @@ int live_draw(struct live *l, const char *text, size_t rows, size_t columns)
         fprintf(l->f, "\033[%zuA", l->n_lines);
     for (size_t i = 0; i < shown; i++) {
         size_t length = strcspn(text, "\n");
-        size_t width = length < columns ? length : columns - 1;
+        size_t width = length < wide ? length : wide - 1;
         fprintf(l->f, "\r\033[K%.*s\n", (int)width, text);
         text += length + 1;
     }
@@ -32,18 +41,18 @@ int live_draw(struct live *l, const char *text, size_t rows, size_t columns)
     if (shown < n) {
         char more[64];
         snprintf(more, sizeof more, "... and %zu lines more", n - shown);
-        fprintf(l->f, "\r\033[K%.*s\n", (int)columns - 1, more);
+        fprintf(l->f, "\r\033[K%.*s\n", (int)wide - 1, more);
         l->n_lines++;
     }
     fprintf(l->f, "\033[J"); /* what is left of a longer one */
     return fflush(l->f) ? -errno : 0;
 }
 
-void live_size(int fd, size_t *rows, size_t *columns)
+void live_size(int fd, size_t *high, size_t *wide)
 {
     struct winsize size;
     int err = ioctl(fd, TIOCGWINSZ, &size);
 
-    *rows = err || !size.ws_row ? 24 : size.ws_row;
-    *columns = err || !size.ws_col ? 80 : size.ws_col;
+    *high = err || !size.ws_row ? 24 : size.ws_row;
+    *wide = err || !size.ws_col ? 80 : size.ws_col;
 }

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT */
-#include "nodes/rt/priority.h"
+#include "nodes/rt/process.h"
 
 #include <dirent.h>
 #include <errno.h>
+#include <malloc.h>
 #include <sched.h>
 #include <signal.h>
 #include <stdio.h>
@@ -11,6 +12,35 @@
 #include <sys/resource.h>
 
 #include "hal/realtime.h"
+
+size_t processors_usable(void)
+{
+    cpu_set_t set;
+    if (sched_getaffinity(0, sizeof set, &set))
+        return 1;
+    int n = CPU_COUNT(&set);
+    return n > 0 ? (size_t)n : 1;
+}
+
+#define KEPT_BYTES ((size_t)1 << 20) /* free at the heap's end, at least */
+
+/* Left to itself glibc gives each thread a heap of its own, of which each keeps what its
+ * own peak took: messages that waited while the process did not run.  A thread's cannot
+ * even be made smaller where memory is locked (hal/realtime.h): glibc leaves it to
+ * madvise(2), which refuses then.  That of the process can.
+ *
+ * But not for each message anew, whose pages cost ten times what it takes to fill them.
+ * What may stay at the end is twice the largest block by itself that was freed, and no
+ * setting that would not keep it from growing with larger messages. */
+void heap_share(void)
+{
+    mallopt(M_ARENA_MAX, 1);
+    void *volatile block = malloc(KEPT_BYTES / 2);
+    free(block);
+}
+
+/* -- priority ---------------------------------------------------------------------------
+ */
 
 #define RUN_US 1000000 /* without a pause */
 

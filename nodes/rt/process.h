@@ -1,18 +1,32 @@
 /* SPDX-License-Identifier: MIT */
-/* nodes/rt/priority.h -- who computes first on a busy machine: the processes of an array
- * that stands have real-time priorities (SCHED_FIFO) and locked memory where the system
- * permits it, in the order of how little a delay of theirs may be; else they are nice to
- * nobody (setpriority(2)) where at least that is permitted; else they are as any.
+/* nodes/rt/process.h -- what this process has of its machine: its processors, one heap,
+ * and a priority. */
+#ifndef ANLOS_NODES_RT_PROCESS_H
+#define ANLOS_NODES_RT_PROCESS_H
+
+#include <stddef.h>
+
+#include "dsp/error.h"
+#include "nodes/rt/launchfile.h"
+
+/* Processors that it may use (sched_setaffinity(2), taskset(1), cpusets), at least 1: as
+ * many threads keep them busy. */
+size_t processors_usable(void);
+
+/* One heap for all threads, so that the memory of what runs for days stays level.  Before
+ * the first of them is started; not for what allocates much on several of them at a
+ * time. */
+void heap_share(void);
+
+/* Who computes first on a busy machine: the processes of an array that stands have
+ * real-time priorities (SCHED_FIFO) and locked memory where the system permits it, in the
+ * order of how little a delay of theirs may be; else they are nice to nobody
+ * (setpriority(2)) where at least that is permitted; else they are as any.
  *
  * recon computes most and never gets a real-time priority, nor do its threads; view and
  * report wait for all others.  One of which a thread computes for a second without a
  * pause loses its priority (RLIMIT_RTTIME), and the kernel leaves a part of each core to
  * others whatever happens (sched_rt_runtime_us): the machine stays usable. */
-#ifndef ANLOS_NODES_RT_PRIORITY_H
-#define ANLOS_NODES_RT_PRIORITY_H
-
-#include "dsp/error.h"
-#include "nodes/rt/launchfile.h"
 
 #define PRIORITY_TEXT_SIZE 48
 
