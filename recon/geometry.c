@@ -183,18 +183,14 @@ double geometry_distance(const double a[3], const double b[3])
     return sqrt(x * x + y * y + z * z);
 }
 
-/* Sum of the unit vectors from a pair's elements to a place; those at the place itself
- * have no direction. */
-static void pair_direction(const struct geometry *g, size_t k, size_t j, size_t i,
-                           const double at_m[3], double out[3])
+void geometry_direction(const double at_m[3], const double speaker_m[3],
+                        const double microphone_m[3], double out[3])
 {
-    double s[3], m[3];
-    geometry_speaker(g, k, j, s);
-    geometry_microphone(g, k, j, i, m);
-    double rs = geometry_distance(at_m, s), rm = geometry_distance(at_m, m);
+    double rs = geometry_distance(at_m, speaker_m);
+    double rm = geometry_distance(at_m, microphone_m);
     for (int a = 0; a < 3; a++)
-        out[a] = (rs > 0.0 ? (at_m[a] - s[a]) / rs : 0.0) +
-                 (rm > 0.0 ? (at_m[a] - m[a]) / rm : 0.0);
+        out[a] = (rs > 0.0 ? (at_m[a] - speaker_m[a]) / rs : 0.0) +
+                 (rm > 0.0 ? (at_m[a] - microphone_m[a]) / rm : 0.0);
 }
 
 void geometry_resolution_at(const struct geometry *g, const double band_hz[2],
@@ -202,11 +198,11 @@ void geometry_resolution_at(const struct geometry *g, const double band_hz[2],
 {
     double low[3] = {INFINITY, INFINITY, INFINITY};
     double high[3] = {-INFINITY, -INFINITY, -INFINITY};
-    size_t pairs = g->n_speakers * g->n_microphones;
-    for (size_t t = 0; t < pairs * g->n_positions; t++) {
-        double u[3];
-        pair_direction(g, t / pairs, t % pairs / g->n_microphones, t % g->n_microphones,
-                       at_m, u);
+    size_t n = g->n_positions * g->n_speakers * g->n_microphones;
+    for (size_t t = 0; t < n; t++) {
+        double s[3], m[3], u[3];
+        geometry_pair(g, t, s, m);
+        geometry_direction(at_m, s, m, u);
         for (int a = 0; a < 3; a++) {
             low[a] = fmin(low[a], u[a]);
             high[a] = fmax(high[a], u[a]);

@@ -70,6 +70,11 @@ void geometry_pair(const struct geometry *g, size_t trace, double speaker[3],
 /* Of metres: squares of more than 1e150 would be no numbers. */
 double geometry_distance(const double a[3], const double b[3]);
 
+/* Sum of the unit vectors from a pair's elements to a place; those at the place itself
+ * have no direction. */
+void geometry_direction(const double at_m[3], const double speaker_m[3],
+                        const double microphone_m[3], double out[3]);
+
 /* How many voxels of such a step along x lie from each stage position to the next; 0: the
  * stage does not run along x in steps of whole voxels, to 0.1 mm. */
 size_t geometry_stage_stride(const struct geometry *g, double step_m);

@@ -28,12 +28,10 @@ struct directions { /* sums over pairs, which `weight` divides */
 static void add_pair(struct directions *d, const double s[3], const double m[3],
                      const double at_m[3], double weight)
 {
-    double u[3], rs = geometry_distance(at_m, s), rm = geometry_distance(at_m, m);
-    for (int a = 0; a < 3; a++) {
-        u[a] = (rs > 0.0 ? (at_m[a] - s[a]) / rs : 0.0) +
-               (rm > 0.0 ? (at_m[a] - m[a]) / rm : 0.0);
+    double u[3];
+    geometry_direction(at_m, s, m, u);
+    for (int a = 0; a < 3; a++)
         d->mean[a] += weight * u[a];
-    }
     for (int a = 0; a < 3; a++)
         for (int b = 0; b < 3; b++)
             d->product[a][b] += weight * u[a] * u[b];
