@@ -4,6 +4,8 @@
 #ifndef ANLOS_NODES_ANLOS_COMMANDS_H
 #define ANLOS_NODES_ANLOS_COMMANDS_H
 
+#include <stdio.h>
+
 int command_array(int argc, char **argv);
 int command_bag(int argc, char **argv);
 int command_batch(int argc, char **argv);
@@ -26,5 +28,22 @@ int command_stage(int argc, char **argv);
 int command_top(int argc, char **argv);
 int command_topic(int argc, char **argv);
 int command_view(int argc, char **argv);
+
+/* Parts of a command with a folder or a file of their own.  Each returns the exit code.
+ */
+
+/* `anlos batch merge`: the results of folders as one table, versions beside each other.
+ * argv[0] is "merge"; help is that of `anlos batch`. */
+int batch_merge(int argc, char **argv, const char *help);
+
+/* `anlos recon` of a bag: runs options->bag and writes the files of a recording, and
+ * can.candump.  began: when the command started. */
+struct recon_options;
+struct stopwatch;
+int replay_run(const struct recon_options *options, const struct stopwatch *began);
+
+/* `anlos node list`: a line for each node. */
+struct census;
+void node_list_print(const struct census *c, FILE *f);
 
 #endif

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-#include "nodes/anlos/node.h"
+#include "nodes/anlos/commands.h"
+#include "nodes/anlos/feed.h"
 
 #include <errno.h>
 #include <inttypes.h>
@@ -9,7 +10,6 @@
 
 #include "msgs/endpoint.h"
 #include "msgs/hosts.h"
-#include "nodes/anlos/commands.h"
 #include "nodes/anlos/text.h"
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/export.h"

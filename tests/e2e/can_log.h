@@ -6,7 +6,7 @@
 
 #include "tests/hal/scratch.h"
 
-#include "nodes/anlos/can/tally.h"
+#include "nodes/anlos/can/can.h"
 
 struct can_log_status {
     int64_t stamp_ns; /* of its frame, whole microseconds */

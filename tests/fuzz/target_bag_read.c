@@ -6,7 +6,7 @@
 #include "msgs/bag/check.h"
 #include "msgs/bag/cursor.h"
 #include "msgs/bag/reader.h"
-#include "nodes/anlos/bag/info.h"
+#include "nodes/anlos/bag/bag.h"
 #include "tests/fuzz/fuzz.h"
 
 static int read_records(const char *path, uint64_t *n_messages)

@@ -7,7 +7,7 @@
 #include "msgs/bag/check.h"
 #include "msgs/bag/reader.h"
 #include "msgs/bag/recover.h"
-#include "nodes/anlos/bag/selection.h"
+#include "nodes/anlos/bag/bag.h"
 #include "tests/fuzz/fuzz.h"
 
 static uint64_t count_messages(const char *path)

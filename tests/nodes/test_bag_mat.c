@@ -10,7 +10,7 @@
 #include "msgs/array.pb-c.h"
 #include "msgs/convert.h"
 #include "msgs/tensor.h"
-#include "nodes/anlos/bag/import.h"
+#include "nodes/anlos/bag/bag.h"
 #include "nodes/anlos/bag/stream.h"
 #include "nodes/anlos/commands.h"
 #include "recon/survey.h"

@@ -12,7 +12,7 @@
 #include "msgs/keys.h"
 #include "msgs/topics.h"
 #include "nodes/anlos/commands.h"
-#include "nodes/anlos/doctor/findings.h"
+#include "nodes/anlos/doctor/doctor.h"
 #include "tests/nodes/command.h"
 #include "tests/nodes/living.h"
 

@@ -4,7 +4,7 @@
 
 #include <sched.h>
 
-#include "nodes/anlos/doctor/load.h"
+#include "nodes/anlos/doctor/doctor.h"
 #include "tests/nodes/near.h"
 
 #define FIXED                                                                            \

@@ -8,7 +8,7 @@
 
 #include "msgs/topics.h"
 #include "nodes/anlos/commands.h"
-#include "nodes/anlos/node.h"
+#include "nodes/anlos/feed.h"
 #include "tests/nodes/command.h"
 #include "tests/nodes/living.h"
 

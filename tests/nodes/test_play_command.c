@@ -7,8 +7,9 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "nodes/anlos/bag/play.h"
+#include "nodes/anlos/bag/bag.h"
 #include "nodes/anlos/commands.h"
+#include "nodes/play/run.h"
 #include "tests/nodes/command.h"
 
 #define DEADLINE_MS 60000

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "nodes/anlos/bag/import.h"
+#include "nodes/anlos/bag/bag.h"
 
 #include <errno.h>
 #include <math.h>
@@ -14,7 +14,6 @@
 #include "msgs/bag/topic_message.h"
 #include "msgs/convert.h"
 #include "msgs/tensor.h"
-#include "nodes/anlos/bag/bag.h"
 #include "nodes/anlos/bag/ego_table.h"
 #include "nodes/anlos/confocal/traces.h"
 #include "nodes/anlos/usage.h"

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "nodes/anlos/bag/info.h"
+#include "nodes/anlos/bag/bag.h"
 
 #include <errno.h>
 #include <inttypes.h>
@@ -11,7 +11,6 @@
 
 #include "msgs/bag/reader.h"
 #include "msgs/bag/topic_message.h"
-#include "nodes/anlos/bag/bag.h"
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/json_whole.h"
 #include "nodes/rt/stop.h"

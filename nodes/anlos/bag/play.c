@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-#include "nodes/anlos/bag/play.h"
+#include "nodes/anlos/bag/bag.h"
+#include "nodes/play/run.h"
 
 #include <errno.h>
 #include <inttypes.h>

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "nodes/anlos/bag/selection.h"
+#include "nodes/anlos/bag/bag.h"
 
 #include <errno.h>
 #include <inttypes.h>
@@ -12,7 +12,6 @@
 #include "msgs/bag/cursor.h"
 #include "msgs/bag/topic_message.h"
 #include "msgs/shuffle.h"
-#include "nodes/anlos/bag/bag.h"
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/stop.h"
 

@@ -19,7 +19,6 @@
 #include <unistd.h>
 
 #include "nodes/anlos/batch/manifest.h"
-#include "nodes/anlos/batch/merge.h"
 #include "nodes/anlos/batch/result.h"
 #include "nodes/anlos/commands.h"
 #include "nodes/anlos/stopwatch.h"

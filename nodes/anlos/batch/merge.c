@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "nodes/anlos/batch/merge.h"
+#include "nodes/anlos/commands.h"
 
 #include <dirent.h>
 #include <errno.h>

@@ -10,7 +10,6 @@
 
 #include "hal/survey/element_places.h"
 #include "nodes/anlos/calibrate/calibrate.h"
-#include "nodes/anlos/calibrate/carrier.h"
 #include "nodes/anlos/calibrate/paths.h"
 #include "nodes/rt/stop.h"
 #include "recon/walls/wall_fit.h"

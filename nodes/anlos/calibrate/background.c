@@ -12,7 +12,6 @@
 #include "hal/recording/recording.h"
 #include "hal/survey/file.h"
 #include "nodes/anlos/calibrate/calibrate.h"
-#include "nodes/anlos/calibrate/carrier.h"
 #include "nodes/rt/export.h"
 #include "nodes/rt/stop.h"
 #include "recon/survey.h"

@@ -63,6 +63,20 @@ enum { STATE_SIZE = 48 };
 /* "inverted, noisy"; "good" without any (enum calibration_fault).  Returns out. */
 const char *state_print(unsigned faults, char out[STATE_SIZE]);
 
+/* The stage that carries an array from one position of its survey to the next, waited
+ * for. */
+
+struct carrier;
+
+/* The survey must outlive it.  0, and as stage_open (hal/stage.h). */
+int carrier_open(struct carrier **out, const char *uri, const struct survey *survey,
+                 struct error *why);
+
+/* Returns when the stage stands there and has settled.  0, -EINTR (Ctrl-C), -EIO (the
+ * stage has a fault), -ERANGE and others of stage_move. */
+int carrier_move(struct carrier *c, size_t position, struct error *why);
+void carrier_close(struct carrier *c); /* of NULL: nothing */
+
 /* The subcommands, each a file of its own.  Each prints what it measured and a verdict,
  * and writes its part of the calibration unless that is useless.  *good: the verdict.  0,
  * or a negative errno with s->why. */

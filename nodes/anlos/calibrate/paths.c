@@ -8,6 +8,7 @@
 
 #include "dsp/chirp.h"
 #include "nodes/rt/stop.h"
+#include "recon/geometry.h"
 #include "recon/processing.h"
 
 #define RETRIES       5    /* of one ping that comes invalid */
@@ -261,11 +262,6 @@ void sounding_destroy(struct sounding *s)
 #define LEAST_WINDOW_S 250e-6
 #define PULSES         6.0
 
-static double distance(const double a[3], const double b[3])
-{
-    return hypot(hypot(a[0] - b[0], a[1] - b[1]), a[2] - b[2]);
-}
-
 static struct path *paths_create(const struct survey *s)
 {
     return calloc(s->n_speakers * s->n_microphones, sizeof(struct path));
@@ -275,8 +271,8 @@ struct path *paths_direct(const struct survey *s)
 {
     struct path *out = paths_create(s);
     for (size_t p = 0; out && p < s->n_speakers * s->n_microphones; p++)
-        out[p].distance_m = distance(s->speakers_m[p / s->n_microphones],
-                                     s->microphones_m[p % s->n_microphones]);
+        out[p].distance_m = geometry_distance(s->speakers_m[p / s->n_microphones],
+                                              s->microphones_m[p % s->n_microphones]);
     return out;
 }
 
@@ -294,7 +290,8 @@ struct path *paths_reflected(const struct survey *s, size_t position,
             before -= normal[a] * speaker[a];
         for (int a = 0; a < 3; a++)
             image[a] = speaker[a] + 2.0 * before * normal[a];
-        out[p].distance_m = distance(image, s->microphones_m[p % s->n_microphones]);
+        out[p].distance_m =
+            geometry_distance(image, s->microphones_m[p % s->n_microphones]);
     }
     return out;
 }

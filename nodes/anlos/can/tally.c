@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "nodes/anlos/can/tally.h"
+#include "nodes/anlos/can/can.h"
 #include "nodes/anlos/usage.h"
 
 #include <ctype.h>

@@ -3,14 +3,245 @@
  * what is wrong, what to do. */
 #include "nodes/anlos/doctor/doctor.h"
 
+#include <errno.h>
+#include <poll.h>
+#include <signal.h>
+#include <stdarg.h>
+#include <stdlib.h>
 #include <string.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <time.h>
 #include <unistd.h>
 
+#include "dsp/list.h"
 #include "hal/clock.h"
 #include "nodes/anlos/commands.h"
-#include "nodes/anlos/doctor/findings.h"
 #include "nodes/anlos/usage.h"
+#include "nodes/rt/json_whole.h"
+#include "nodes/rt/log.h"
 #include "nodes/rt/terminal.h"
+
+/* -- findings ---------------------------------------------------------------------------
+ */
+
+static const char *const level_names[] = {"ok", "note", "wrong"};
+
+static struct finding *add(struct findings *f)
+{
+    if (list_grow(&f->list, f->n, &f->room, sizeof *f->list)) {
+        f->full = true;
+        return NULL;
+    }
+    f->list[f->n] = (struct finding){0};
+    return &f->list[f->n++];
+}
+
+void finding_add(struct findings *f, enum finding_level level, const char *area,
+                 const char *format, ...)
+{
+    struct finding *one = add(f);
+    va_list args;
+
+    if (!one)
+        return;
+    one->level = level;
+    snprintf(one->area, sizeof one->area, "%s", area);
+    va_start(args, format);
+    vsnprintf(one->what, sizeof one->what, format, args);
+    va_end(args);
+    log_text_clean(one->what);
+}
+
+void finding_todo(struct findings *f, const char *format, ...)
+{
+    va_list args;
+
+    if (!f->n || f->full)
+        return;
+    struct finding *one = &f->list[f->n - 1];
+    va_start(args, format);
+    vsnprintf(one->todo, sizeof one->todo, format, args);
+    va_end(args);
+    log_text_clean(one->todo);
+}
+
+size_t findings_count(const struct findings *f, enum finding_level level)
+{
+    size_t n = 0;
+
+    for (size_t i = 0; i < f->n; i++)
+        n += f->list[i].level == level;
+    return n;
+}
+
+void findings_print(const struct findings *f, bool colour, FILE *to)
+{
+    static const char *const colours[] = {"\033[32m", "\033[33m", "\033[31m"};
+
+    for (size_t i = 0; i < f->n; i++) {
+        const struct finding *one = &f->list[i];
+        fprintf(to, "%s%-5s%s  %-9s  %s\n", colour ? colours[one->level] : "",
+                level_names[one->level], colour ? "\033[0m" : "", one->area, one->what);
+        if (one->todo[0])
+            fprintf(to, "%18s-> %s\n", "", one->todo);
+    }
+    if (f->full)
+        fprintf(to, "out of memory: some are missing\n");
+    fprintf(to, "%zu wrong, %zu to note, %zu ok\n", findings_count(f, FINDING_WRONG),
+            findings_count(f, FINDING_NOTE), findings_count(f, FINDING_OK));
+}
+
+json_t *findings_json(const struct findings *f)
+{
+    json_t *list = json_array();
+
+    for (size_t i = 0; i < f->n; i++) {
+        const struct finding *one = &f->list[i];
+        json_array_append_new(list, json_pack("{ss, ss, ss, ss}", "level",
+                                              level_names[one->level], "area", one->area,
+                                              "what", one->what, "todo", one->todo));
+    }
+    return json_pack("{so, sI, sI}", "findings", list, "wrong",
+                     (json_int_t)findings_count(f, FINDING_WRONG), "notes",
+                     (json_int_t)findings_count(f, FINDING_NOTE));
+}
+
+/* Adds those of findings_json.  0, -EINVAL: it is something else. */
+static int findings_add_json(struct findings *f, const json_t *o)
+{
+    const json_t *list = json_object_get(o, "findings"), *item;
+    size_t i;
+
+    if (!json_is_array(list))
+        return -EINVAL;
+    json_array_foreach(list, i, item)
+    {
+        const char *level, *area, *what, *todo;
+        int n = FINDING_WRONG;
+        if (json_unpack((json_t *)item, "{ss, ss, ss, ss}", "level", &level, "area",
+                        &area, "what", &what, "todo", &todo))
+            return -EINVAL;
+        while (n > FINDING_OK && strcmp(level, level_names[n]))
+            n--;
+        finding_add(f, (enum finding_level)n, area, "%s", what);
+        finding_todo(f, "%s", todo);
+    }
+    return 0;
+}
+
+void findings_clear(struct findings *f)
+{
+    free(f->list);
+    *f = (struct findings){0};
+}
+
+#define NS_PER_MS 1000000LL
+
+static void answer(const struct check *c, const void *ctx, int fd)
+{
+    struct findings f = {0};
+
+    prctl(PR_SET_PDEATHSIG, SIGKILL);
+    c->look(ctx, &f);
+    json_t *o = findings_json(&f);
+    int failed = !json_whole(o) || json_dumpfd(o, fd, JSON_COMPACT);
+    json_decref(o);
+    findings_clear(&f);
+    close(fd);
+    _exit(failed);
+}
+
+void check_start(struct check_job *job, const struct check *c, const void *ctx)
+{
+    int fds[2];
+
+    *job = (struct check_job){.pid = -1, .fd = -1};
+    fflush(NULL);
+    if (pipe(fds))
+        return;
+    job->pid = fork();
+    if (!job->pid) {
+        close(fds[0]);
+        answer(c, ctx, fds[1]);
+    }
+    close(fds[1]);
+    if (job->pid < 0)
+        close(fds[0]);
+    else
+        job->fd = fds[0];
+}
+
+/* All that it writes until it ends.  0, -ETIMEDOUT, -ENOMEM; *text is to be freed. */
+static int read_answer(const struct check_job *job, int64_t deadline_ns, char **text,
+                       size_t *used)
+{
+    size_t room = 0;
+
+    for (*used = 0;;) {
+        struct pollfd p = {.fd = job->fd, .events = POLLIN};
+        int64_t left_ns = deadline_ns - clock_monotonic_ns();
+        int n = poll(&p, 1, left_ns > 0 ? (int)(left_ns / NS_PER_MS) + 1 : 0);
+        if (n < 0 && errno == EINTR)
+            continue;
+        if (n <= 0)
+            return -ETIMEDOUT;
+        if (*used == room) {
+            room = room ? 2 * room : 4096;
+            char *more = realloc(*text, room);
+            if (!more)
+                return -ENOMEM;
+            *text = more;
+        }
+        ssize_t got = read(job->fd, *text + *used, room - *used);
+        if (got <= 0)
+            return 0;
+        *used += (size_t)got;
+    }
+}
+
+/* One that sleeps in the kernel cannot be killed either: it is not waited for. */
+static int end_child(const struct check_job *job, bool late)
+{
+    int status = 0;
+
+    if (late)
+        kill(job->pid, SIGKILL);
+    while (waitpid(job->pid, &status, late ? WNOHANG : 0) < 0 && errno == EINTR)
+        ;
+    return status;
+}
+
+void check_finish(struct check_job *job, const struct check *c, int64_t deadline_ns,
+                  struct findings *out)
+{
+    char *text = NULL;
+    size_t used = 0;
+
+    if (job->pid < 0) {
+        finding_add(out, FINDING_WRONG, c->area,
+                    "was not looked at: no process could be started");
+        finding_todo(out, "free memory, or raise the limit of processes (ulimit -u)");
+        return;
+    }
+    int err = read_answer(job, deadline_ns, &text, &used);
+    int status = end_child(job, err != 0);
+    json_t *o = err ? NULL : json_loadb(text, used, 0, NULL);
+    if (err == -ETIMEDOUT) {
+        finding_add(out, FINDING_WRONG, c->area, "gave no answer in time: it hangs");
+        finding_todo(out, "look at the end of 'dmesg'; unplug and plug in the device, or "
+                          "look whether a network disk is away");
+    } else if (err || findings_add_json(out, o)) {
+        finding_add(out, FINDING_WRONG, c->area, "looking at it failed (%s)",
+                    WIFSIGNALED(status) ? strsignal(WTERMSIG(status)) : "no answer");
+    }
+    json_decref(o);
+    free(text);
+    close(job->fd);
+}
+
+/* -- the command ------------------------------------------------------------------------
+ */
 
 #define DEADLINE_NS 10000000000LL
 

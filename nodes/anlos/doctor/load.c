@@ -1,18 +1,15 @@
 /* SPDX-License-Identifier: MIT */
-#include "nodes/anlos/doctor/load.h"
+#include "nodes/anlos/doctor/doctor.h"
 
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 #include <unistd.h>
 
-#include "hal/clock.h"
 #include "msgs/convert.h"
-#include "nodes/anlos/doctor/doctor.h"
 #include "nodes/anlos/doctor/drive_pipe.h"
-#include "nodes/anlos/doctor/findings.h"
+#include "nodes/anlos/stopwatch.h"
 #include "nodes/rt/process.h"
 #include "nodes/rt/rundir.h"
 #include "nodes/rt/uri.h"
@@ -49,14 +46,6 @@ double load_left(double share, double idle, size_t usable)
     return fmin(share < UNDISTURBED ? share : share + idle, most);
 }
 
-static double cpu_s(void)
-{
-    struct timespec t;
-
-    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
-    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
-}
-
 /* Of all processors since the machine started, idle or waiting for a disk. */
 static double idle_s(void)
 {
@@ -70,18 +59,13 @@ static double idle_s(void)
     return (double)(idle + waiting) / (double)sysconf(_SC_CLK_TCK);
 }
 
-static double now_s(void)
-{
-    return 1e-9 * (double)clock_monotonic_ns();
-}
-
 static int probe(struct drive_pipe *p, double probe_s, struct load *out,
                  struct error *why)
 {
-    double start_s = now_s(), cpu = 0.0, idle = 0.0, first_s = 0.0, last_s = 0.0;
-    size_t n = 0;
+    struct stopwatch start = stopwatch_now(false), end = start;
+    double idle = 0.0, first_s = 0.0, last_s = 0.0;
 
-    for (; now_s() - start_s < probe_s || n < MIN_IMAGES; n++) {
+    for (size_t n = 0; end.wall_s - start.wall_s < probe_s || n < MIN_IMAGES; n++) {
         struct drive_image image;
         int err = drive_pipe_next(p, &image, why);
         if (err)
@@ -91,12 +75,12 @@ static int probe(struct drive_pipe *p, double probe_s, struct load *out,
         last_s = image.t_s;
         if (!n) { /* what is made once does not count */
             first_s = image.t_s;
-            cpu = cpu_s();
             idle = idle_s();
-            start_s = now_s();
+            start = stopwatch_now(false);
         }
+        end = stopwatch_now(false);
     }
-    double passed_s = now_s() - start_s, own_s = cpu_s() - cpu;
+    double passed_s = end.wall_s - start.wall_s, own_s = end.cpu_s - start.cpu_s;
     out->needed = own_s / (last_s - first_s);
     out->left =
         load_left(own_s / passed_s, (idle_s() - idle) / passed_s, processors_usable());

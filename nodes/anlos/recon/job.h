@@ -10,7 +10,7 @@
 #include "nodes/anlos/psf/file.h"
 #include "nodes/anlos/recon/options.h"
 #include "nodes/anlos/recon/reader.h"
-#include "nodes/anlos/recon/results.h"
+#include "nodes/anlos/recon/report.h"
 #include "nodes/anlos/recon/traces_file.h"
 #include "nodes/anlos/stopwatch.h"
 #include "recon/frontend/channel_check.h"

@@ -11,7 +11,7 @@
 #include "dsp/error.h"
 #include "dsp/pool.h"
 #include "hal/recording/recording.h"
-#include "nodes/anlos/recon/results.h"
+#include "nodes/anlos/recon/report.h"
 #include "recon/frontend/backgrounds.h"
 #include "recon/frontend/channel_check.h"
 #include "recon/frontend/compressor.h"

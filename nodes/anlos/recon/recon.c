@@ -6,7 +6,6 @@
 #include "nodes/anlos/confocal/confocal.h"
 #include "nodes/anlos/recon/job.h"
 #include "nodes/anlos/recon/report.h"
-#include "nodes/anlos/replay/replay.h"
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/export.h"
 #include "nodes/rt/stop.h"

@@ -13,7 +13,7 @@
 #include "msgs/survey.pb-c.h"
 #include "msgs/vehicle.pb-c.h"
 #include "msgs/wall.pb-c.h"
-#include "nodes/anlos/recon/results.h"
+#include "nodes/anlos/recon/report.h"
 #include "nodes/can/sender.h"
 #include "nodes/can/watch.h"
 #include "recon/pipeline.h"

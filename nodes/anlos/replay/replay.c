@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "nodes/anlos/replay/replay.h"
+#include "nodes/anlos/commands.h"
 
 #include <errno.h>
 #include <inttypes.h>

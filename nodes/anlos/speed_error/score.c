@@ -99,18 +99,11 @@ static double coordinate(const struct grid *g, int axis, double index)
     return g->origin_m[axis] + g->step_m[axis] * index;
 }
 
-static void split(const struct grid *g, size_t voxel, size_t at[3])
-{
-    at[0] = voxel % g->n[0];
-    at[1] = voxel / g->n[0] % g->n[1];
-    at[2] = voxel / (g->n[0] * g->n[1]);
-}
-
 static bool near_point(const struct grid *g, size_t voxel, const double p[3],
                        double across_m, double depth_m)
 {
     size_t at[3];
-    split(g, voxel, at);
+    grid_place(g, voxel, at);
     double x = coordinate(g, 0, (double)at[0]) - p[0];
     double y = coordinate(g, 1, (double)at[1]) - p[1];
     double z = coordinate(g, 2, (double)at[2]) - p[2];
@@ -167,7 +160,7 @@ static bool measure_peak(struct peak *out, const double p[3], const struct grid 
             best = i;
     if (best == SIZE_MAX)
         return false;
-    split(g, best, at);
+    grid_place(g, best, at);
     out->intensity = (double)v[best];
     for (int a = 0; a < 3; a++) {
         size_t stride = a == 0 ? 1 : a == 1 ? g->n[0] : g->n[0] * g->n[1];
