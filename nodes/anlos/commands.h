@@ -32,10 +32,6 @@ int command_view(int argc, char **argv);
 /* Parts of a command with a folder or a file of their own.  Each returns the exit code.
  */
 
-/* `anlos batch merge`: the results of folders as one table, versions beside each other.
- * argv[0] is "merge"; help is that of `anlos batch`. */
-int batch_merge(int argc, char **argv, const char *help);
-
 /* `anlos recon` of a bag: runs options->bag and writes the files of a recording, and
  * can.candump.  began: when the command started. */
 struct recon_options;

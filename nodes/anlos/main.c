@@ -6,7 +6,7 @@
 
 #include "nodes/anlos/commands.h"
 #include "nodes/anlos/usage.h"
-#include "nodes/rt/exit_code.h"
+#include "nodes/rt/stop.h"
 
 struct command {
     const char *name;

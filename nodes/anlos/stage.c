@@ -15,7 +15,6 @@
 #include "nodes/anlos/commands.h"
 #include "nodes/anlos/feed.h"
 #include "nodes/anlos/usage.h"
-#include "nodes/rt/exit_code.h"
 #include "nodes/rt/rundir.h"
 #include "nodes/rt/stop.h"
 

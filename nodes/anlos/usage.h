@@ -9,7 +9,7 @@
 #include <stdio.h>
 
 #include "dsp/error.h"
-#include "nodes/rt/exit_code.h"
+#include "nodes/rt/stop.h"
 
 /* Prints "anlos COMMAND: text" and where help is; returns EXIT_BAD_INPUT. */
 int usage_error(const char *command, const char *format, ...)

@@ -5,7 +5,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "nodes/rt/exit_code.h"
+#include "nodes/rt/stop.h"
 
 #define FAR_APART_S 0.1 /* clocks; worth a warning */
 

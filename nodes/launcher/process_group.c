@@ -10,9 +10,9 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "nodes/rt/exit_code.h"
 #include "nodes/rt/launchfile_hosts.h"
 #include "nodes/rt/node.h"
+#include "nodes/rt/stop.h"
 
 #define FIRST_PAUSE_NS 100000000LL
 

@@ -8,8 +8,8 @@
 #include "msgs/scan.pb-c.h"
 #include "msgs/topics.h"
 #include "nodes/recon/volume_room.h"
+#include "nodes/rt/health.h"
 #include "nodes/rt/launchfile_pipeline.h"
-#include "nodes/rt/pace.h"
 #include "nodes/rt/process.h"
 
 #define PLAN_S 60.0 /* at most: of a fine volume */

@@ -64,6 +64,22 @@ struct latency_summary latencies_summarise(const struct latencies *l,
                                     .p99_s = rank_double(ranked, n, (99 * n + 99) / 100)};
 }
 
+/* -- does it keep up --------------------------------------------------------------------
+ */
+
+bool pace_is_late(struct pace *p, int64_t now_ns)
+{
+    uint64_t done = p->done - p->then_done, skipped = p->skipped - p->then_skipped;
+
+    if (now_ns < p->due_ns)
+        return p->late;
+    p->due_ns = now_ns + PACE_LOOK_NS;
+    p->then_done = p->done;
+    p->then_skipped = p->skipped;
+    p->late = (double)skipped > PACE_LATE * (double)(done + skipped);
+    return p->late;
+}
+
 /* -- what is said -----------------------------------------------------------------------
  */
 

@@ -14,9 +14,9 @@
 #include "msgs/bus.h"
 #include "msgs/health.pb-c.h"
 #include "nodes/rt/arguments.h"
-#include "nodes/rt/exit_code.h"
 #include "nodes/rt/launchfile.h"
 #include "nodes/rt/log.h"
+#include "nodes/rt/stop.h"
 
 struct node;
 

@@ -1,11 +1,21 @@
 /* SPDX-License-Identifier: MIT */
-/* nodes/rt/stop.h -- how a process is asked to end.  Its flags are global, as signal
- * handlers need. */
+/* nodes/rt/stop.h -- how a process ends: who asks it to, and its exit code.  The flags
+ * are global, as signal handlers need. */
 #ifndef ANLOS_NODES_RT_STOP_H
 #define ANLOS_NODES_RT_STOP_H
 
 #include <signal.h>
 #include <stdbool.h>
+
+/* Of every program and command. */
+enum {
+    EXIT_WORKED = 0,
+    EXIT_FAILED = 1,
+    EXIT_BAD_INPUT = 2, /* arguments, configuration, files */
+    EXIT_INTERRUPTED = 130,
+    EXIT_UNREAD =
+        141, /* who read standard output has gone: as of one that SIGPIPE ends */
+};
 
 struct bus;
 

@@ -7,8 +7,8 @@
 
 #include "msgs/convert.h"
 #include "msgs/topics.h"
+#include "nodes/rt/health.h"
 #include "nodes/rt/launchfile_pipeline.h"
-#include "nodes/rt/pace.h"
 
 #define BEHIND_NS INT64_C(150000000) /* an image so old has others waiting behind it */
 #define LISTS_NS  INT64_C(250000000) /* but a list comes at least so often */

@@ -16,8 +16,8 @@
 #include "msgs/tensor.h"
 #include "msgs/volume.pb-c.h"
 #include "nodes/anlos/commands.h"
-#include "nodes/rt/exit_code.h"
 #include "nodes/rt/json_whole.h"
+#include "nodes/rt/stop.h"
 #include "tests/failing.h"
 #include "tests/nodes/command.h"
 

@@ -15,8 +15,7 @@
 
 #include "msgs/bag/topic_message.h"
 #include "msgs/topics.h"
-#include "nodes/anlos/batch/manifest.h"
-#include "nodes/anlos/batch/result.h"
+#include "nodes/anlos/batch/batch.h"
 #include "nodes/anlos/commands.h"
 #include "nodes/anlos/doctor/drive_world.h"
 #include "tests/nodes/command.h"

@@ -14,8 +14,8 @@
 #include "nodes/launcher/launcher.h"
 #include "nodes/launcher/site.h"
 #include "nodes/launcher/truth.h"
-#include "nodes/rt/exit_code.h"
 #include "nodes/rt/launchfile_hosts.h"
+#include "nodes/rt/stop.h"
 #include "tests/failing.h"
 
 struct rig {

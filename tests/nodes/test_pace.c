@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "nodes/rt/pace.h"
+#include "nodes/rt/health.h"
 
 #include <setjmp.h>
 #include <stdarg.h>

@@ -11,7 +11,7 @@
 
 #include <cmocka.h>
 
-#include "nodes/anlos/topic/tally.h"
+#include "nodes/anlos/topic/topic.h"
 #include "nodes/rt/terminal.h"
 #include "tests/nodes/near.h"
 

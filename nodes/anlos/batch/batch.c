@@ -18,8 +18,7 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "nodes/anlos/batch/manifest.h"
-#include "nodes/anlos/batch/result.h"
+#include "nodes/anlos/batch/batch.h"
 #include "nodes/anlos/commands.h"
 #include "nodes/anlos/stopwatch.h"
 #include "nodes/anlos/usage.h"

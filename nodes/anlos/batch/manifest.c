@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "nodes/anlos/batch/manifest.h"
+#include "nodes/anlos/batch/batch.h"
 
 #include <ctype.h>
 #include <errno.h>

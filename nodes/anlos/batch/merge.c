@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "nodes/anlos/commands.h"
+#include "nodes/anlos/batch/batch.h"
 
 #include <dirent.h>
 #include <errno.h>
@@ -12,8 +12,6 @@
 #include <string.h>
 
 #include "dsp/list.h"
-#include "nodes/anlos/batch/manifest.h"
-#include "nodes/anlos/batch/result.h"
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/export.h"
 #include "nodes/rt/export_chart.h"

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "nodes/anlos/batch/result.h"
+#include "nodes/anlos/batch/batch.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -15,8 +15,8 @@
 #include "dsp/hash.h"
 #include "nodes/anlos/text.h"
 #include "nodes/record/revision.h"
-#include "nodes/rt/exit_code.h"
 #include "nodes/rt/json_whole.h"
+#include "nodes/rt/stop.h"
 
 /* -- hashes -----------------------------------------------------------------------------
  */

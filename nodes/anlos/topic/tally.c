@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "nodes/anlos/topic/tally.h"
+#include "nodes/anlos/topic/topic.h"
 
 #include <errno.h>
 #include <inttypes.h>

@@ -13,7 +13,6 @@
 #include "nodes/anlos/commands.h"
 #include "nodes/anlos/feed.h"
 #include "nodes/anlos/topic/message_json.h"
-#include "nodes/anlos/topic/tally.h"
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/rundir.h"
 #include "nodes/rt/stop.h"
