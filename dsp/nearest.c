@@ -36,7 +36,7 @@ struct nearest nearest_begin(const char *word, size_t n, size_t changes)
 void nearest_try(struct nearest *s, const char *name)
 {
     size_t d = edit_distance(s->word, s->n, name);
-    if (d < s->least && d < s->n) {
+    if (d < s->least && d < s->n && 2 * d <= s->n + 1) {
         s->least = d;
         s->best = name;
     }

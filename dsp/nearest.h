@@ -14,7 +14,7 @@ struct nearest {
 };
 
 /* Looks for what is at most `changes` letters put in, left out or changed away from
- * word[n].  Keeps the pointer. */
+ * word[n], and no more than half of them: "nope" is no "jobs".  Keeps the pointer. */
 struct nearest nearest_begin(const char *word, size_t n, size_t changes);
 
 /* A name that it may be; the first of equally near ones stays. */

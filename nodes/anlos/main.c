@@ -52,37 +52,72 @@ static void print_help(FILE *to)
         "commands\n");
     for (size_t i = 0; i < N_COMMANDS; i++)
         fprintf(to, "  %-12s %s\n", commands[i].name, commands[i].what);
-    fprintf(
-        to,
-        "\n`anlos COMMAND --help` explains a command, `anlos --version` says which this\n"
-        "is.  A first look:\n\n"
-        "  anlos launch launch/demo.yaml        everything, simulated\n"
-        "  anlos topic list                     in another terminal meanwhile\n\n"
-        "or step by step:\n\n"
-        "  anlos sim launch/scenes/corner.yaml --out recording\n"
-        "  anlos recon --help\n");
+    fprintf(to,
+            "\n`anlos COMMAND --help` explains a command, as `anlos help COMMAND` does;\n"
+            "`anlos --version` says which this is.  A first look:\n\n"
+            "  anlos launch launch/demo.yaml        everything, simulated\n"
+            "  anlos topic list                     in another terminal meanwhile\n\n"
+            "or step by step:\n\n"
+            "  anlos sim launch/scenes/corner.yaml --out recording\n"
+            "  anlos recon --help\n");
+}
+
+/* NULL: there is none, and that has been said. */
+static const struct command *find(const char *name)
+{
+    const char *names[N_COMMANDS + 1] = {NULL};
+
+    for (size_t i = 0; i < N_COMMANDS; i++) {
+        if (!strcmp(name, commands[i].name))
+            return &commands[i];
+        names[i] = commands[i].name;
+    }
+    const char *near = usage_nearest(name, names);
+    fprintf(stderr, "anlos: %s: no such %s%s%s%s; see anlos --help\n", name,
+            name[0] == '-' ? "option" : "command", near ? "; did you mean " : "",
+            near ? near : "", near ? "?" : "");
+    return NULL;
+}
+
+/* A command whose output got lost has not done what it was asked for, though it does not
+ * look itself. */
+static int run(int argc, char **argv)
+{
+    const struct command *c = find(argv[0]);
+
+    if (!c)
+        return EXIT_BAD_INPUT;
+    int code = c->run(argc, argv);
+    return code ? code : usage_flush(c->name);
+}
+
+/* "help bag info" as "bag info --help". */
+static int explain(int argc, char **argv)
+{
+    static char option[] = "--help";
+
+    for (int i = 0; i + 1 < argc; i++)
+        argv[i] = argv[i + 1];
+    argv[argc - 1] = option;
+    return run(argc, argv);
 }
 
 int main(int argc, char **argv)
 {
     const char *name = argc > 1 ? argv[1] : "--help";
+    bool helps = !strcmp(name, "help");
 
-    if (!strcmp(name, "--help") || !strcmp(name, "-h") || !strcmp(name, "help")) {
+    if (usage_hold_streams())
+        return EXIT_FAILED;
+    if (helps && argc > 2)
+        return explain(argc - 1, argv + 1);
+    if (helps || !strcmp(name, "--help") || !strcmp(name, "-h")) {
         print_help(argc > 1 ? stdout : stderr);
         return argc > 1 ? usage_flush("--help") : EXIT_BAD_INPUT;
     }
-    if (!strcmp(name, "--version")) {
+    if (!strcmp(name, "--version") || !strcmp(name, "version")) {
         printf("anlos %s\n", ANLOS_VERSION);
         return usage_flush("--version");
     }
-    for (size_t i = 0; i < N_COMMANDS; i++)
-        if (!strcmp(name, commands[i].name))
-            return commands[i].run(argc - 1, argv + 1);
-    const char *names[N_COMMANDS + 1] = {NULL};
-    for (size_t i = 0; i < N_COMMANDS; i++)
-        names[i] = commands[i].name;
-    const char *near = usage_nearest(name, names);
-    fprintf(stderr, "anlos: %s: no such command%s%s%s; see anlos --help\n", name,
-            near ? "; did you mean " : "", near ? near : "", near ? "?" : "");
-    return EXIT_BAD_INPUT;
+    return run(argc - 1, argv + 1);
 }

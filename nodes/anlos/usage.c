@@ -2,6 +2,7 @@
 #include "nodes/anlos/usage.h"
 
 #include <errno.h>
+#include <fcntl.h>
 #include <jansson.h>
 #include <math.h>
 #include <poll.h>
@@ -42,6 +43,16 @@ int usage_outcome(const char *command, int err, const struct error *why)
     default:
         return EXIT_FAILED;
     }
+}
+
+/* Each is opened the wrong way round, so that who uses it gets EBADF as before. */
+int usage_hold_streams(void)
+{
+    for (int fd = STDIN_FILENO; fd <= STDERR_FILENO; fd++)
+        if (fcntl(fd, F_GETFD) < 0 &&
+            open("/dev/null", fd == STDIN_FILENO ? O_WRONLY : O_RDONLY) < 0)
+            return -errno;
+    return 0;
 }
 
 int usage_flush(const char *command)

@@ -21,6 +21,11 @@ struct json_t; /* jansson */
  */
 int usage_outcome(const char *command, int err, const struct error *why);
 
+/* Standard streams that are closed stay so, and what is opened next does not become one
+ * of them: what is said would be written into it.  Before any file is opened.  0, or a
+ * negative errno. */
+int usage_hold_streams(void);
+
 /* What was printed is out: EXIT_WORKED; else it says why not and returns EXIT_FAILED, or
  * says nothing and returns EXIT_UNREAD, where `| head` has seen enough. */
 int usage_flush(const char *command);

@@ -4,6 +4,8 @@
 #include <errno.h>
 #include <string.h>
 
+#include "dsp/nearest.h"
+
 /* The value of option `name` at argv[*i], as "--name value" or "--name=value".  What
  * looks like the next option is none. */
 static const char *option_value(const char *name, int argc, char **argv, int *i)
@@ -24,15 +26,28 @@ static int error_say_of(const struct arguments *a, const char *arg, struct error
     static const char *const with_value[] = {
         "--launch", "--run-dir", "--out",  "--record",    "--snapshot",
         "--bag",    "--rate",    "--host", "--log-level", "--log-format"};
+    static const char *const bare[] = {"--realtime", "--no-supervision", "--replay",
+                                       "--version", "--help"};
+    size_t n = strcspn(arg, "=");
+    struct nearest near = nearest_begin(arg, n, 2);
 
     if (arg[0] != '-')
         return error_say(why, -EINVAL,
                          "%s: unexpected, %s is the launch file; see --help", arg,
                          a->launch);
-    for (size_t i = 0; i < sizeof with_value / sizeof *with_value; i++)
+    for (size_t i = 0; i < sizeof with_value / sizeof *with_value; i++) {
         if (!strcmp(arg, with_value[i]))
             return error_say(why, -EINVAL, "%s: its value is missing; see --help", arg);
-    return error_say(why, -EINVAL, "%s: no such option; see --help", arg);
+        nearest_try(&near, with_value[i]);
+    }
+    for (size_t i = 0; i < sizeof bare / sizeof *bare; i++) {
+        if (strlen(bare[i]) == n && !strncmp(arg, bare[i], n))
+            return error_say(why, -EINVAL, "%s: takes no value; see --help", bare[i]);
+        nearest_try(&near, bare[i]);
+    }
+    return error_say(why, -EINVAL, "%.*s: no such option%s%s%s; see --help", (int)n, arg,
+                     near.best ? "; did you mean " : "", near.best ? near.best : "",
+                     near.best ? "?" : "");
 }
 
 static int parse_one(struct arguments *a, int argc, char **argv, int *i,

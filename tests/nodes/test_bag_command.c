@@ -859,6 +859,37 @@ static void a_file_that_is_there_is_not_written_over(void **state)
     assert_int_equal(bag("check", recorded_bag), 0);
 }
 
+static int write_nowhere(FILE *f, void *context, struct error *why)
+{
+    (void)context;
+    (void)why;
+    return fputs("a line\n", f) < 0 ? -EIO : 0;
+}
+
+/* As of `| head`: of a file on a full disk it would be an error. */
+static int write_to_nobody(int argc, char **argv)
+{
+    struct error why = {""};
+    int ends[2];
+
+    (void)argc;
+    (void)argv;
+    interrupt_catch();
+    if (pipe(ends) || dup2(ends[1], STDOUT_FILENO) < 0 || close(ends[0]))
+        return 127;
+    return verb_end("export", verb_write_file("-", write_nowhere, NULL, &why), &why);
+}
+
+static void who_reads_no_further_is_told_nothing(void **state)
+{
+    char *const words[] = {(char *)"x", NULL};
+
+    (void)state;
+    command_run(&result, write_to_nobody, words);
+    assert_int_equal(result.code, 141);
+    assert_string_equal(result.err, "");
+}
+
 static void ctrl_c_leaves_no_file(void **state)
 {
     char *files[] = {recorded_bag};
@@ -949,6 +980,7 @@ int main(void)
         cmocka_unit_test(topics_are_filtered_by_name_and_pattern),
         cmocka_unit_test(lines_go_to_stdout_too),
         cmocka_unit_test(topics_named_one_by_one_are_all_taken),
+        cmocka_unit_test(who_reads_no_further_is_told_nothing),
         cmocka_unit_test(what_was_cut_is_recovered_and_told),
         cmocka_unit_test(detections_become_lines_of_a_table),
         cmocka_unit_test(the_last_final_volume_becomes_nrrd_and_pictures),

@@ -7,6 +7,8 @@
 
 #include <cmocka.h>
 
+#include <fcntl.h>
+#include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
@@ -25,6 +27,7 @@ static void a_name_that_is_nearly_one_is_found_and_others_are_not(void **state)
     assert_null(usage_nearest("xyzzy", names));
     assert_null(usage_nearest("v", names)); /* a letter is near to everything */
     assert_null(usage_nearest("", names));
+    assert_null(usage_nearest("nove", names)); /* a quarter of "view" is left */
 }
 
 static void a_wrong_argument_of_a_launch_is_told_from_a_missing_value(void **state)
@@ -34,6 +37,11 @@ static void a_wrong_argument_of_a_launch_is_told_from_a_missing_value(void **sta
         const char *text;
     } cases[] = {
         {{"launch", "a.yaml", "--nosuch"}, "--nosuch: no such option; see --help"},
+        {{"launch", "a.yaml", "--otu=b"},
+         "--otu: no such option; did you mean --out?; see --help"},
+        {{"launch", "a.yaml", "--realtme"},
+         "--realtme: no such option; did you mean --realtime?; see --help"},
+        {{"launch", "a.yaml", "--replay=yes"}, "--replay: takes no value; see --help"},
         {{"launch", "a.yaml", "--rate"}, "--rate: its value is missing; see --help"},
         {{"launch", "a.yaml", "--out", "--realtime"},
          "--out: its value is missing; see --help"},
@@ -140,6 +148,94 @@ static int run_anlos(int argc, char **argv)
     return 127;
 }
 
+static int run_anlos_on_a_full_disk(int argc, char **argv)
+{
+    int full = open("/dev/full", O_WRONLY);
+
+    return full < 0 || dup2(full, STDOUT_FILENO) < 0 ? 127 : run_anlos(argc, argv);
+}
+
+/* The bits of what is not as it should be. */
+static int open_after_closing(int argc, char **argv)
+{
+    char byte = 'x';
+    int wrong = 0;
+
+    (void)argc;
+    (void)argv;
+    for (int fd = 0; fd <= 2; fd++)
+        close(fd);
+    wrong |= usage_hold_streams() ? 1 : 0;
+    int fd = open("/dev/zero", O_RDWR);
+    wrong |= fd <= STDERR_FILENO ? 2 : 0;
+    wrong |= read(0, &byte, 1) != -1 || errno != EBADF ? 4 : 0;
+    wrong |= write(1, &byte, 1) != -1 || errno != EBADF ? 8 : 0;
+    wrong |= write(2, &byte, 1) != -1 || errno != EBADF ? 16 : 0;
+    return wrong;
+}
+
+static void what_is_opened_is_never_a_standard_stream_that_was_closed(void **state)
+{
+    char *const words[] = {(char *)"x", NULL};
+    struct command_result r;
+
+    (void)state;
+    command_run(&r, open_after_closing, words);
+    assert_int_equal(r.code, 0);
+}
+
+static void a_table_that_cannot_be_printed_is_a_failure(void **state)
+{
+    static const char text[] =
+        "sound_speed_m_s: 343\nsample_rate_hz: 48000\nslot_samples: 3000\n"
+        "chirp: {start_hz: 2000, stop_hz: 20000, duration_s: 0.01}\n"
+        "speakers_m: [[0, 0, 0], [0.1, 0, 0]]\nmicrophones_m: [[0, 0.1, 0]]\n";
+    char survey[] = "/tmp/anlos-usage-XXXXXX";
+    char *const words[] = {(char *)"anlos", (char *)"resolution", (char *)"--survey",
+                           survey, NULL};
+    struct command_result r;
+    int fd = mkstemp(survey);
+
+    (void)state;
+    assert_int_equal(write(fd, text, sizeof text - 1), sizeof text - 1);
+    close(fd);
+    command_run(&r, run_anlos, words);
+    assert_string_equal(r.err, "");
+    assert_int_equal(r.code, 0);
+    command_run(&r, run_anlos_on_a_full_disk, words);
+    unlink(survey);
+    assert_int_equal(r.code, 1);
+    assert_string_equal(r.err,
+                        "anlos resolution: standard output: No space left on device\n");
+}
+
+static void help_of_a_command_is_the_commands_help(void **state)
+{
+    static const struct {
+        const char *words[4], *out;
+        int code;
+    } cases[] = {
+        {{"anlos", "help", "keys"}, "anlos keys -- ", 0},
+        {{"anlos", "help", "bag", "info"}, "anlos bag info -- ", 0},
+        {{"anlos", "help"}, "usage: anlos COMMAND", 0},
+        {{"anlos", "version"}, "anlos ", 0},
+        {{"anlos", "help", "lanuch"}, "", 2},
+        {{"anlos", "--hlp"}, "", 2},
+    };
+    struct command_result r;
+
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        char *words[5] = {NULL};
+        for (size_t k = 0; k < 4; k++)
+            words[k] = (char *)cases[i].words[k];
+        command_run(&r, run_anlos, words);
+        assert_int_equal(r.code, cases[i].code);
+        assert_memory_equal(r.out, cases[i].out, strlen(cases[i].out));
+    }
+    assert_string_equal(r.err, "anlos: --hlp: no such option; see anlos --help\n");
+}
+
 static void a_command_that_is_nearly_one_is_named(void **state)
 {
     char *const near[] = {(char *)"anlos", (char *)"lanuch", NULL};
@@ -161,6 +257,9 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_name_that_is_nearly_one_is_found_and_others_are_not),
         cmocka_unit_test(a_command_that_is_nearly_one_is_named),
+        cmocka_unit_test(help_of_a_command_is_the_commands_help),
+        cmocka_unit_test(a_table_that_cannot_be_printed_is_a_failure),
+        cmocka_unit_test(what_is_opened_is_never_a_standard_stream_that_was_closed),
         cmocka_unit_test(what_is_only_kept_goes_where_the_table_says),
         cmocka_unit_test(a_wrong_option_ends_with_what_is_wrong_with_it),
         cmocka_unit_test(a_wrong_argument_of_a_launch_is_told_from_a_missing_value),

@@ -20,6 +20,8 @@ int verb_end(const char *verb, int err, const struct error *why)
         return EXIT_WORKED;
     if (err == -EINTR)
         return EXIT_INTERRUPTED;
+    if (err == -EPIPE)
+        return EXIT_UNREAD;
     fprintf(stderr, "anlos bag %s: %s\n", verb,
             why->text[0] ? why->text : strerror(-err));
     switch (err) {
@@ -102,7 +104,8 @@ int verb_write_file(const char *path,
         failed = fclose(f) || failed;
     if (failed && !err) {
         int reason = errno ? errno : EIO;
-        err = error_say(why, -reason, "%s cannot be written: %s", path, strerror(reason));
+        err = error_say(why, -reason, "%s cannot be written: %s",
+                        to_stdout ? "standard output" : path, strerror(reason));
     }
     return to_stdout ? err : verb_output_end(&o, err, why);
 }

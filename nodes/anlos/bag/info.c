@@ -399,21 +399,14 @@ static int print_metadata(const struct bag_catalog *bag, struct error *why)
     return err;
 }
 
-static int finish(struct error *why)
-{
-    return fflush(stdout) || ferror(stdout) ? error_say(why, -EIO, "stdout: cannot write")
-                                            : 0;
-}
-
-/* 0, errors of bag_catalog_read, -EIO (stdout), -ENOMEM. */
+/* 0, errors of bag_catalog_read, -ENOMEM. */
 static int info_print(const struct bag_catalog *bag, const struct contents *c,
                       struct error *why)
 {
     print_head(bag, c);
     print_topics(c);
     print_attachments(bag);
-    int err = print_metadata(bag, why);
-    return err ? err : finish(why);
+    return print_metadata(bag, why);
 }
 
 /* What is not UTF-8 becomes null. */
@@ -505,10 +498,12 @@ static int info_print_json(const struct bag_catalog *bag, const struct contents 
         topics_json(c), "attachments", attachments_json(bag), "metadata", metadata);
     if (!json_whole(o))
         err = error_say(why, -ENOMEM, "out of memory");
-    else if (json_dumpf(o, stdout, JSON_INDENT(2)) || putchar('\n') == EOF)
-        err = error_say(why, -EIO, "stdout: cannot write");
+    else if (json_dumpf(o, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(9)) &&
+             !ferror(stdout))
+        err = error_say(why, -ENOMEM, "out of memory");
+    putchar('\n');
     json_decref(o);
-    return err || !fflush(stdout) ? err : error_say(why, -EIO, "stdout: cannot write");
+    return err;
 }
 
 static const char help[] =
@@ -550,7 +545,7 @@ static int print(const char *path, bool json)
     }
     bag_catalog_close(catalog);
     free(contents);
-    return verb_end("info", err, &why);
+    return err ? verb_end("info", err, &why) : usage_flush("bag info");
 }
 
 int bag_info(int argc, char **argv)
