@@ -233,6 +233,12 @@ static int64_t take_due_ns(const void *self)
     return ((const struct record *)self)->tap.due_ns;
 }
 
+/* NULL: the last seconds are not kept. */
+static const char *snapshot_folder(const struct record *r)
+{
+    return node_launch(r->node)->record.snapshot.folder;
+}
+
 static const char *plural(uint64_t n)
 {
     return n == 1 ? "" : "s";
@@ -263,7 +269,7 @@ static int take(void *self)
         r->stopped = true;
         recorder_end(r->recorder, clock_now_ns(clock_system()), NULL);
         tell_stop(r, ANLOS__HEALTH__STATE__DEGRADED, &r->tap.stopped_why,
-                  "; the last seconds are kept on");
+                  snapshot_folder(r) ? "; the last seconds are kept on" : "");
     }
     return err;
 }
@@ -291,29 +297,29 @@ static int publish_status(void *self)
     return 0;
 }
 
-static void tell_end(struct record *r, int err, const struct recorder_totals *sum)
+static void tell_end(struct record *r, int err, const struct recorder_totals *t)
 {
-    const struct recorder_totals t = *sum;
+    uint64_t written = t->messages - t->unwritten, lost = t->lost + t->unwritten;
+    enum log_level level = lost ? LOG_LEVEL_WARNING : LOG_LEVEL_INFO;
     Anlos__SaveStatus s;
 
     if (err) {
         tell_stop(r, ANLOS__HEALTH__STATE__FAULT, &r->why, "");
         return;
     }
-    snapshot_status(r->snapshot, clock_now_ns(clock_system()), &s);
-    if (!r->recorder || r->stopped) {
-        node_log(r->node, t.lost ? LOG_LEVEL_WARNING : LOG_LEVEL_INFO,
+    if (!r->recorder || (r->stopped && snapshot_folder(r))) {
+        snapshot_status(r->snapshot, clock_now_ns(clock_system()), &s);
+        node_log(r->node, level,
                  "%s: %" PRIu64 " bag%s saved, %" PRIu64 " of %" PRIu64 " message%s lost",
-                 node_launch(r->node)->record.snapshot.folder, s.saved, plural(s.saved),
-                 t.lost, t.messages + t.lost, plural(t.messages + t.lost));
+                 snapshot_folder(r), s.saved, plural(s.saved), t->lost,
+                 t->messages + t->lost, plural(t->messages + t->lost));
         return;
     }
-    node_log(r->node, t.lost ? LOG_LEVEL_WARNING : LOG_LEVEL_INFO,
-             "%s: %" PRIu64 " message%s, %.1f MB in %u file%s, %" PRIu64
-             " message%s lost",
-             recorder_path(r->recorder), t.messages, plural(t.messages),
-             1e-6 * (double)t.file_bytes, t.n_files, plural(t.n_files), t.lost,
-             plural(t.lost));
+    node_log(
+        r->node, level,
+        "%s: %" PRIu64 " message%s, %.1f MB in %u file%s, %" PRIu64 " message%s lost",
+        recorder_path(r->recorder), written, plural(written),
+        1e-6 * (double)t->file_bytes, t->n_files, plural(t->n_files), lost, plural(lost));
 }
 
 /* After an error of writing what is in the file gets its end all the same.  That the
