@@ -34,6 +34,7 @@ int text_file_open(FILE **out, const char *path, struct error *why)
     if (err == -EINVAL)
         return error_say(why, err, "%s: not a regular file", path);
     if (err == -EFBIG)
-        return error_say(why, err, "%s: larger than %u bytes", path, TEXT_FILE_MAX_SIZE);
+        return error_say(why, -EINVAL, "%s: larger than %u MiB; expected a text file",
+                         path, TEXT_FILE_MAX_SIZE >> 20);
     return err ? error_say(why, err, "%s: %s", path, strerror(-err)) : 0;
 }

@@ -10,8 +10,8 @@
 #define TEXT_FILE_MAX_SIZE (64u << 20) /* bytes */
 
 /* A regular file of at most TEXT_FILE_MAX_SIZE: paths stand in files that anyone may have
- * written, and a device or a pipe has no end.  0, -EINVAL, -EFBIG, -ENOENT and other
- * errno of opening. */
+ * written, and a device or a pipe has no end.  0, -EINVAL (or too large), -ENOENT and
+ * other errno of opening. */
 int text_file_open(FILE **out, const char *path, struct error *why);
 
 #endif

@@ -398,7 +398,8 @@ static int read_file(const char *path, struct bytes *out, struct error *why)
     if (err == -EINVAL)
         return error_say(why, err, "%s: not a regular file", path);
     if (err == -EFBIG)
-        return error_say(why, err, "%s: larger than %u bytes", path, YAML_FILE_MAX_SIZE);
+        return error_say(why, -EINVAL, "%s: larger than %u MiB; expected a YAML file",
+                         path, YAML_FILE_MAX_SIZE >> 20);
     if (err)
         return error_say(why, err, "%s: %s", path, strerror(-err));
     return 0;
@@ -511,8 +512,8 @@ int yaml_parse(const char *path, const void *data, size_t size,
 {
     *out = NULL;
     if (size > YAML_FILE_MAX_SIZE)
-        return error_say(why, -EFBIG, "%s: larger than %u bytes", path,
-                         YAML_FILE_MAX_SIZE);
+        return error_say(why, -EINVAL, "%s: larger than %u MiB; expected a YAML file",
+                         path, YAML_FILE_MAX_SIZE >> 20);
     int err = check(data, size, schema, path, why);
     return err ? err : load(data, size, schema, path, out, why);
 }

@@ -17,7 +17,7 @@
 #define YAML_FILE_MAX_SIZE (4u << 20) /* bytes; a survey is some 10 kB */
 
 /* *out: what the schema describes; yaml_unload it.  0, -ENOENT, -EACCES, other errno of
- * reading, -EFBIG, -EINVAL (contents), -ENOMEM. */
+ * reading, -EINVAL (contents, or too large), -ENOMEM. */
 int yaml_load(const char *path, const struct cyaml_schema_value *schema, void **out,
               struct error *why);
 

@@ -137,10 +137,13 @@ int bag_file_chunk(const struct bag_file *f, uint64_t offset, const struct bag_c
     int err = bag_decompress(into, compression, k->records, k->uncompressed_size);
     if (err)
         return error_say(why, err, "%s: byte %" PRIu64 ": a chunk %s", f->path, offset,
-                         err == -ENOMEM ? "for which memory ran out" : "is damaged");
+                         err == -ENOMEM ? "for which memory ran out"
+                                        : "is damaged; `anlos bag recover` saves what is "
+                                          "whole");
     if (k->uncompressed_crc && bag_crc(0, bytes_in(into)) != k->uncompressed_crc)
         return error_say(why, -EBADMSG,
-                         "%s: byte %" PRIu64 ": a chunk does not have its checksum",
+                         "%s: byte %" PRIu64 ": a chunk does not have its checksum; "
+                         "`anlos bag recover` saves what is whole",
                          f->path, offset);
     return 0;
 }

@@ -39,6 +39,8 @@ int usage_outcome(const char *command, int err, const struct error *why)
     case -EINVAL:
     case -ENOTSUP:
     case -ENOTDIR:
+    case -EISDIR:
+    case -EBADMSG: /* a bag that is damaged */
         return EXIT_BAD_INPUT;
     default:
         return EXIT_FAILED;

@@ -544,6 +544,7 @@ int node_finish(struct node *n, int err)
     case -EROFS:
     case -EADDRINUSE:
     case -EADDRNOTAVAIL:
+    case -EBADMSG: /* a bag that is damaged, and stays so */
         return EXIT_BAD_INPUT;
     default:
         return EXIT_FAILED;

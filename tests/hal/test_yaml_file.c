@@ -3,6 +3,7 @@
 
 #include <errno.h>
 #include <math.h>
+#include <unistd.h>
 
 #include "hal/yaml_file.h"
 
@@ -257,6 +258,17 @@ static void siblings_are_relative_to_the_file(void **state)
     }
 }
 
+static void what_is_no_settings_file_by_its_size_is_told_so(void **state)
+{
+    const char *path = scratch_write(*state, "a.mcap", "");
+    struct error why = {""};
+    void *data;
+
+    assert_int_equal(truncate(path, YAML_FILE_MAX_SIZE + 1), 0);
+    assert_int_equal(yaml_load(path, &schema, &data, &why), -EINVAL);
+    assert_non_null(strstr(why.text, "a.mcap: larger than 4 MiB; expected a YAML file"));
+}
+
 #define TEST(name) cmocka_unit_test_setup_teardown(name, scratch_open, scratch_close)
 
 int main(void)
@@ -266,6 +278,7 @@ int main(void)
         TEST(wrong_contents_are_named_with_line_and_key),
         TEST(a_document_that_contains_itself_is_refused),
         TEST(files_that_cannot_be_read_say_why),
+        TEST(what_is_no_settings_file_by_its_size_is_told_so),
         TEST(a_mapping_without_any_key_is_all_defaults),
         TEST(a_place_is_the_line_of_the_key),
         TEST(complaints_get_the_place_of_the_key_they_speak_of),

@@ -304,8 +304,8 @@ static void exit_codes_tell_bad_configuration_from_failure(void **state)
     struct rig *r = *state;
     static const struct {
         int err, code;
-    } cases[] = {{0, 0},       {-ESHUTDOWN, 0}, {-EINVAL, 2}, {-ENODEV, 2},
-                 {-ENOENT, 2}, {-EACCES, 2},    {-EIO, 1},    {-ENOMEM, 1}};
+    } cases[] = {{0, 0},       {-ESHUTDOWN, 0}, {-EINVAL, 2}, {-ENODEV, 2}, {-ENOENT, 2},
+                 {-EACCES, 2}, {-EIO, 1},       {-ENOMEM, 1}, {-EBADMSG, 2}};
 
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         assert_int_equal(create(r, "scan", NULL, NULL), 0);

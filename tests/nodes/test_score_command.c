@@ -224,6 +224,9 @@ static void a_bag_without_tracks_or_truth_is_refused(void **state)
     assert_int_equal(r.code, 2);
     assert_non_null(strstr(r.err, "this is `anlos score` now"));
     assert_non_null(strstr(r.err, "no lists of tracks"));
+    assert_string_equal(r.out, ""); /* nor a table of none, on paper or as files */
+    assert_int_equal(access(scratch_path(f->scratch, "out/drives.csv"), F_OK), -1);
+    assert_int_equal(access(scratch_path(f->scratch, "out/drive.json"), F_OK), -1);
     char *truth[] = {"score", "--bag", f->path, "--out", f->out, NULL};
     command_run(&r, command_score, truth);
     assert_int_equal(r.code, 2);

@@ -107,6 +107,16 @@ static void name_bag(const struct score *s, const char *bag, char *out, size_t s
         snprintf(out, size, "%s-%u", name, i);
 }
 
+/* With the first bag that is judged: nothing looks like a result where none was. */
+static int begin_table(struct score *s, struct error *why)
+{
+    int err = s->csv ? 0 : drive_csv_open(&s->csv, s->out, why);
+
+    if (!err && !s->all.n)
+        drive_print_head();
+    return err;
+}
+
 static int score_bag(struct score *s, const char *bag, struct error *why)
 {
     struct drive_outcome out;
@@ -115,7 +125,10 @@ static int score_bag(struct score *s, const char *bag, struct error *why)
 
     drive_bag(bag, s->scene, s->truth, &out);
     int err = out.err ? error_say(why, out.err, "%s", out.why.text) : 0;
-    if (out.result.n_lists && (!err || err == -EINTR)) {
+    bool judged = out.result.n_lists && (!err || err == -EINTR);
+    int failed = judged ? begin_table(s, err ? NULL : why) : 0;
+    err = err ? err : failed;
+    if (judged && !failed) {
         name_bag(s, bag, name, sizeof name);
         drive_tally_init(&one);
         drive_tally_add(&one, &out.result);
@@ -123,7 +136,7 @@ static int score_bag(struct score *s, const char *bag, struct error *why)
         drive_print(name, &one);
         json_object_set_new(s->json, name, drive_json(&one));
         drive_csv_line(s->csv, name, 0, &out.result);
-        int failed = drive_write(s->out, name, &out.moments, err ? NULL : why);
+        failed = drive_write(s->out, name, &out.moments, err ? NULL : why);
         err = err ? err : failed;
     }
     free(out.moments.at);
@@ -135,12 +148,13 @@ static int score_bags(struct score *s, struct error *why)
     char *rest = s->bags, *bag;
     int err = 0;
 
-    drive_print_head();
     while (!err && (bag = strsep(&rest, ","))) {
         err = next_truth(s, why);
         if (!err)
             err = score_bag(s, bag, why);
     }
+    if (!s->all.n)
+        return err;
     if (s->all.n > 1) {
         drive_print("all", &s->all);
         json_object_set_new(s->json, "all", drive_json(&s->all));
@@ -159,8 +173,6 @@ static int run(struct score *s, struct error *why)
     int err = s->json ? load_scene(s, why) : error_say(why, -ENOMEM, "out of memory");
     if (!err)
         err = export_folder(s->out, why);
-    if (!err)
-        err = drive_csv_open(&s->csv, s->out, why);
     if (!err)
         err = score_bags(s, why);
     if (s->csv)
