@@ -107,7 +107,7 @@ int command_keys(int argc, char **argv)
     const char *verb = optind < argc ? argv[optind] : "";
     bool makes = !strcmp(verb, "new");
     if (argc - optind != 1 || (!makes && strcmp(verb, "show") != 0))
-        return usage_error("keys", "expected new or show");
+        return usage_error("keys", "%s%sexpected new or show", verb, *verb ? ": " : "");
     if (!makes && host)
         return usage_error("keys", "--host: is for new");
     if (!folder && keys_default_folder(usual))

@@ -759,11 +759,15 @@ static void wrong_arguments_are_refused(void **state)
         {{"calibrate", "show", "--out", "/nowhere/x.yaml"}, "no such file"},
         {{"calibrate", "channels", "--out", "/tmp/x.yaml", "--array",
           "sim:/nowhere.yaml"},
-         "/nowhere.yaml: No such file"},
+         "anlos calibrate: sim:/nowhere.yaml: /nowhere.yaml: No such file"},
+        {{"calibrate", "channels", "--out", "/nowhere/x.yaml", "--array",
+          "sim:" SOURCE_DIR "/launch/scenes/corner.yaml"},
+         "/nowhere/x.yaml cannot be written: No such file or directory"},
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         command_run(&f->r, command_calibrate, (char *const *)cases[i].words);
         expect(f, 2, cases[i].text);
+        assert_string_equal(f->r.out, ""); /* nothing was measured for nothing */
     }
     write_scene(f, QUIET, "");
     char *position[] = {"--position", "2", NULL}, *pair[] = {"--pair", "0,6", NULL};

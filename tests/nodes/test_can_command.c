@@ -481,7 +481,17 @@ static void an_empty_file_has_nothing_of_the_sensor(void **s)
     scratch_write(*s, "can.candump", "");
     decode(&r, *s, NULL, NULL, NULL);
     assert_int_equal(r.code, 1);
-    assert_has(r.err, "no frame of a sensor at 400");
+    assert_has(r.err, "no frame of a sensor at 400, nor any other");
+}
+
+static void a_file_of_another_kind_is_told_from_another_sensors(void **s)
+{
+    struct command_result r;
+    scratch_write(*s, "can.candump", "nodes: [array]\n\x89PNG\n");
+    decode(&r, *s, NULL, NULL, NULL);
+    assert_int_equal(r.code, 2);
+    assert_has(r.err, "no line of it is a frame; expected lines as candump");
+    assert_null(strstr(r.err, "--base"));
 }
 
 static void wrong_arguments_are_refused(void **s)
@@ -588,6 +598,7 @@ int main(void)
         TEST(lines_that_are_no_frames_are_counted_and_the_rest_is_read),
         TEST(a_line_through_a_pipe_is_shown_when_it_is_there),
         TEST(an_empty_file_has_nothing_of_the_sensor),
+        TEST(a_file_of_another_kind_is_told_from_another_sensors),
         TEST(wrong_arguments_are_refused),
         TEST(nobody_who_reads_is_no_error_to_talk_about),
         TEST(help_is_on_stdout),

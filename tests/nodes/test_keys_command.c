@@ -63,7 +63,7 @@ static void what_is_not_there_or_open_to_others_is_refused(void **state)
     assert_contains(r.err, "others may read it (mode 644)");
     run(&r, "revoke", folder);
     assert_int_equal(r.code, 2);
-    assert_contains(r.err, "expected new or show");
+    assert_contains(r.err, "revoke: expected new or show");
 }
 
 #define TEST(f) cmocka_unit_test_setup_teardown(f, scratch_open, scratch_close)

@@ -689,6 +689,7 @@ static void wrong_arguments_are_told_with_a_hint(void **state)
     expect_usage(WORDS("--zzz"), "--zzz: no such option");
     expect_usage(WORDS("-q"), "-q: no such option");
     expect_usage(WORDS("--help=x"), "--help: takes no value");
+    expect_usage(WORDS("--out", "x"), "a RECORDING is missing: its folder or bag");
     expect_usage(WORDS("--wav", "x"), "--survey FILE is missing");
     expect_usage(WORDS("--survey", "x"), "--wav DIR is missing");
     expect_usage(WORDS("--survey", "x", "--wav", "y"), "--out DIR is missing");

@@ -2,6 +2,7 @@
 #include "nodes/anlos/calibrate/calibrate.h"
 
 #include <errno.h>
+#include <libgen.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -298,7 +299,12 @@ int session_open_array(struct session *s, const char *uri, struct array **out)
     *out = NULL;
     if (!bare)
         return error_say(&s->why, -ENOMEM, "out of memory");
-    int err = array_open(out, bare, clock_system(), &s->why);
+    struct error why = {""};
+    int err = array_open(out, bare, clock_system(), &why);
+    size_t n = strlen(bare);
+    if (err) /* what was put in is nobody's concern */
+        error_say(&s->why, err, "%s%s", strncmp(why.text, bare, n) ? "" : uri,
+                  strncmp(why.text, bare, n) ? why.text : why.text + n);
     free(bare);
     return err;
 }
@@ -325,10 +331,24 @@ static int place(struct session *s)
 
 /* Reads the file, if it is there, and opens the array as it is, without what a file would
  * correct.  0, -EINVAL (wrong file, made for another array), other negative errno. */
+/* Before minutes of measuring. */
+static int check_folder(struct session *s)
+{
+    char *copy = strdup(s->options->out);
+    int err = !copy ? -ENOMEM : access(dirname(copy), W_OK | X_OK) ? -errno : 0;
+
+    free(copy);
+    return err ? error_say(&s->why, err, "%s cannot be written: %s", s->options->out,
+                           strerror(-err))
+               : 0;
+}
+
 static int session_open(struct session *s, const struct calibrate_options *o)
 {
     *s = (struct session){.options = o};
     int err = read_file(s);
+    if (!err && strcmp(o->what, "show") != 0)
+        err = check_folder(s);
     if (err || !o->array)
         return err;
     err = session_open_array(s, o->array, &s->array);

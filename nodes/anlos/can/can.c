@@ -447,9 +447,16 @@ static int sum_up(const struct decode *d)
     int unwritten = usage_flush("can");
     if (unwritten || err)
         return unwritten ? unwritten : EXIT_FAILED;
+    bool foreign = d->tally.unknown || d->tally.other;
+    if (!tally_frames(&d->tally) && !foreign && d->tally.no_frames) {
+        fprintf(stderr, "anlos can: no line of it is a frame; expected lines as candump "
+                        "or candump -L writes them\n");
+        return EXIT_BAD_INPUT;
+    }
     if (!tally_frames(&d->tally))
-        fprintf(stderr, "anlos can: no frame of a sensor at %03x; see --base, --sensor\n",
-                d->tally.checks.base);
+        fprintf(stderr, "anlos can: no frame of a sensor at %03x%s\n",
+                d->tally.checks.base,
+                foreign ? "; see --base, --sensor" : ", nor any other");
     return tally_frames(&d->tally) && !tally_wrong(&d->tally) ? EXIT_WORKED : EXIT_FAILED;
 }
 

@@ -228,6 +228,9 @@ int recon_options_check(const struct recon_options *o, const char *command)
     if (o->traces && compression_option(o))
         return usage_error(command, "%s is for --wav; --traces are compressed already",
                            compression_option(o));
+    if (!o->survey && !o->traces && !o->wav && !strcmp(command, "recon"))
+        return usage_error(command, "a RECORDING is missing: its folder or bag, or "
+                                    "--survey, --bag, --traces or --confocal");
     if (!o->survey && !o->traces)
         return usage_error(command, "--survey FILE is missing");
     if (!o->wav && !o->traces)
