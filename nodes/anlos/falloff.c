@@ -436,8 +436,5 @@ int command_falloff(int argc, char **argv)
             err = write_results(&f, &why);
     }
     falloff_clear(&f);
-    if (!err)
-        return EXIT_WORKED;
-    fprintf(stderr, "anlos falloff: %s\n", why.text);
-    return err == -ENOMEM ? EXIT_FAILED : EXIT_BAD_INPUT;
+    return usage_outcome("falloff", err, &why);
 }

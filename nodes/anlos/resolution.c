@@ -1,5 +1,4 @@
 /* SPDX-License-Identifier: MIT */
-#include <errno.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -202,8 +201,5 @@ int command_resolution(int argc, char **argv)
             printf("%s: resolution.svg, resolution.png\n", out);
         survey_clear(&survey);
     }
-    if (!err)
-        return EXIT_WORKED;
-    fprintf(stderr, "anlos resolution: %s\n", why.text);
-    return err == -ENOMEM ? EXIT_FAILED : EXIT_BAD_INPUT;
+    return usage_outcome("resolution", err, &why);
 }

@@ -40,6 +40,8 @@ int usage_outcome(const char *command, int err, const struct error *why)
     case -ENOTSUP:
     case -ENOTDIR:
     case -EISDIR:
+    case -EEXIST:
+    case -ENODATA: /* of a recording that is too short */
     case -EBADMSG: /* a bag that is damaged */
         return EXIT_BAD_INPUT;
     default:

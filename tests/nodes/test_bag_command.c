@@ -320,6 +320,10 @@ static void what_was_cut_is_recovered_and_told(void **state)
     assert_int_equal(bag("check", in_folder("saved.mcap")), 0);
     assert_int_equal(bag("recover", recorded_bag, "-o", in_folder("all.mcap")), 0);
     assert_contains(result.out, "nothing was lost");
+    assert_int_equal(
+        bag("recover", SOURCE_DIR "/README.md", "-o", in_folder("none.mcap")), 2);
+    assert_contains(result.err, "README.md: nothing in it is whole: it is no bag");
+    assert_false(is_there("none.mcap"));
     export_lines_of("r.mcap", "whole.json");
     export_lines_of("all.mcap", "all.json");
     assert_same("whole.json", "all.json");

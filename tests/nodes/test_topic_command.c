@@ -47,6 +47,30 @@ static void list_shows_every_topic_of_the_table(void **state)
     }
 }
 
+static void list_is_json_for_programs(void **state)
+{
+    char *words[] = {"topic", "list", "--json", NULL};
+    struct command_result r;
+    size_t n = 0;
+
+    (void)state;
+    command_run(&r, command_topic, words);
+    assert_int_equal(r.code, 0);
+    json_t *list = json_loads(r.out, 0, NULL);
+    assert_non_null(list);
+    for (const struct topic *t = topics_all(); t->name; t++, n++) {
+        const json_t *o = json_array_get(list, n);
+        assert_string_equal(json_string_value(json_object_get(o, "topic")), t->name);
+        assert_int_equal(json_integer_value(json_object_get(o, "max_bytes")),
+                         t->max_size);
+        assert_string_equal(
+            json_string_value(json_array_get(json_object_get(o, "publishers"), 0)),
+            topic_publisher(t, 0));
+    }
+    assert_int_equal(json_array_size(list), n);
+    json_decref(list);
+}
+
 static void nothing_running_is_said_clearly(void **state)
 {
     (void)state;
@@ -483,6 +507,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(list_shows_every_topic_of_the_table),
+        cmocka_unit_test(list_is_json_for_programs),
         cmocka_unit_test(nothing_running_is_said_clearly),
         cmocka_unit_test(a_folder_that_is_not_there_is_not_made),
         cmocka_unit_test(wrong_arguments_are_refused),

@@ -209,6 +209,33 @@ static void a_table_that_cannot_be_printed_is_a_failure(void **state)
                         "anlos resolution: standard output: No space left on device\n");
 }
 
+static int end_with(int argc, char **argv)
+{
+    const struct error why = {"a.yaml: why"};
+
+    (void)argc;
+    return usage_outcome("x", atoi(argv[1]), &why);
+}
+
+static void what_was_given_is_told_from_what_failed(void **state)
+{
+    static const struct {
+        int err, code;
+    } cases[] = {{-EISDIR, 2}, {-EBADMSG, 2}, {-EEXIST, 2}, {-ENOSPC, 1},
+                 {-EFBIG, 1},  {-EIO, 1},     {-ENOMEM, 1}, {-EINTR, 130}};
+    struct command_result r;
+    char number[16];
+
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        char *const words[] = {(char *)"x", number, NULL};
+        snprintf(number, sizeof number, "%d", cases[i].err);
+        command_run(&r, end_with, words);
+        assert_int_equal(r.code, cases[i].code);
+        assert_string_equal(r.err, "anlos x: a.yaml: why\n");
+    }
+}
+
 static void help_of_a_command_is_the_commands_help(void **state)
 {
     static const struct {
@@ -257,6 +284,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_name_that_is_nearly_one_is_found_and_others_are_not),
         cmocka_unit_test(a_command_that_is_nearly_one_is_named),
+        cmocka_unit_test(what_was_given_is_told_from_what_failed),
         cmocka_unit_test(help_of_a_command_is_the_commands_help),
         cmocka_unit_test(a_table_that_cannot_be_printed_is_a_failure),
         cmocka_unit_test(what_is_opened_is_never_a_standard_stream_that_was_closed),

@@ -85,8 +85,8 @@ static const char recover_help[] =
     "  --help          this text\n"
     "\n"
     "exit codes: 0 nothing was lost; 1 something was, or failed; 2 bad arguments or "
-    "files;\n"
-    "130 stopped by Ctrl-C (no OUT then)\n";
+    "files,\n"
+    "or nothing in FILE is whole; 130 stopped by Ctrl-C (no OUT after either)\n";
 
 static const struct usage_option recover_options[] = {
     {"out", USAGE_VALUE('o'), .letter = 'o'},
@@ -153,6 +153,11 @@ static int recover(char *from, const char *to)
     int err = verb_output_begin(&out, to, &why);
     if (!err) {
         err = bag_recover(&found, from, out.temporary, &watch, &why);
+        if (!err && bag_recovery_is_loss(&found) && !found.n_messages &&
+            !found.n_attachments && !found.n_metadata)
+            err = error_say(&why, -EBADMSG,
+                            "%s: nothing in it is whole: it is no bag, or all is lost",
+                            from);
         err = verb_output_end(&out, err, &why);
     }
     if (err)

@@ -3,6 +3,7 @@
 
 #include <errno.h>
 #include <inttypes.h>
+#include <jansson.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -185,7 +186,7 @@ static int topic_watch_tally(struct bus *bus, const struct topic *const *topics,
 static const char help[] =
     "anlos topic -- look at the messages of a running system, and add to them\n"
     "\n"
-    "usage: anlos topic list\n"
+    "usage: anlos topic list [--json]\n"
     "       anlos topic echo TOPIC... [OPTION...]\n"
     "       anlos topic pub TOPIC [JSON|-] [OPTION...]\n"
     "       anlos topic hz|bw|delay [TOPIC...] [OPTION...]\n"
@@ -213,7 +214,7 @@ static const char help[] =
     "file\n"
     "  it is printed once.\n"
     "\n"
-    "  --json          echo: as JSON, which is the default\n"
+    "  --json          list, echo: as JSON, which of echo is the default\n"
     "  --mcap          echo: as a bag (MCAP) for programs, with all bytes\n"
     "  --count N       echo, pub: stop after N messages, default: never\n"
     "  --timeout S     echo: give up when no message comes for S seconds\n"
@@ -289,13 +290,35 @@ static const struct watched {
     {"hz", "swr", {.table = topic_table_rates, .survey = true}},
     {"bw", "swr", {.table = topic_table_sizes}},
     {"delay", "swr", {.table = topic_table_delays, .delays = true}},
-    {"list", "r", {0}},
+    {"list", "jr", {0}},
 };
 
 #define N_VERBS (sizeof verbs / sizeof *verbs)
 
-static int list_topics(void)
+/* Of a topic without an expected rate it is null. */
+static json_t *topics_json(void)
 {
+    json_t *all = json_array();
+
+    for (const struct topic *t = topics_all(); t->name; t++) {
+        json_t *publishers = json_array();
+        for (size_t i = 0; topic_publisher(t, i); i++)
+            json_array_append_new(publishers, json_string(topic_publisher(t, i)));
+        json_array_append_new(
+            all, json_pack("{ss, ss, so, ss, sI, sI, so}", "topic", t->name, "schema",
+                           t->schema->name, "rate_hz",
+                           t->rate_hz > 0.0 ? json_real(t->rate_hz) : json_null(),
+                           "policy", t->policy == TOPIC_ALL ? "all" : "latest", "depth",
+                           (json_int_t)t->depth, "max_bytes", (json_int_t)t->max_size,
+                           "publishers", publishers));
+    }
+    return all;
+}
+
+static int list_topics(bool json)
+{
+    if (json)
+        return usage_json("topic", topics_json());
     topic_table_all(stdout);
     return usage_flush("topic");
 }
@@ -538,5 +561,6 @@ int command_topic(int argc, char **argv)
         return code;
     if (strcmp(verb, "list"))
         return run_words(v, argv + optind + 1, n, &o);
-    return n ? usage_error("topic", "list: expected nothing after it") : list_topics();
+    return n ? usage_error("topic", "list: expected nothing after it")
+             : list_topics(o.json);
 }
