@@ -9,7 +9,8 @@ _anlos() {
     # The command and its verb, without options.
     local i
     for ((i = 1; i < COMP_CWORD && ${#command[@]} < 2; i++)); do
-        [[ ${COMP_WORDS[i]} == -* ]] || command+=("${COMP_WORDS[i]}")
+        [[ ${COMP_WORDS[i]} == -* || $i:${COMP_WORDS[i]} == 1:help ]] ||
+            command+=("${COMP_WORDS[i]}")
     done
     help=$("$1" "${command[@]}" --help 2>/dev/null) ||
         help=$("$1" "${command[@]::1}" --help 2>/dev/null) || return

@@ -198,6 +198,8 @@ expect_completion() { # what is wanted, then the words
 test_the_shell_completes_commands_verbs_options_and_topics() {
     expect_completion "top topic" to
     expect_completion "record recover" bag rec
+    expect_completion "recon resolution" help re
+    expect_completion "info" help bag in
     expect_completion "list echo pub hz bw delay" topic ""
     expect_completion "detections" topic echo detec
     expect_completion "--record --realtime --replay" launch --re
