@@ -20,8 +20,8 @@
 #define FAINT             0.3        /* of the usual power: below it is doubted */
 #define USUAL_LOOKS       5.0        /* that the usual is a mean of */
 #define WAKE_S            0.5        /* so long ago somebody was where he still echoes */
-#define MISSED_LOOKS      0.5        /* after more of them it is taken from before */
-#define OTHER_LOOKS       2.0        /* after more of them it may be something else */
+#define MISSED_LOOKS      0.5        /* after more of them it may be something else, */
+#define AGREED_LOOKS      2.0        /* or where phases have it go as it went */
 #define LONGEST_S         60.0       /* nothing is predicted farther */
 #define REACH_M           1.0        /* existence is that of something so near */
 #define SECOND_NS         1000000000u
@@ -208,11 +208,12 @@ static void judge_rest(const struct tracker *t, const struct track_scan *scan,
     double power = scan->detections[k->detection].power;
     bool taken = !scan->standing_left;
 
-    if (k->missed > OTHER_LOOKS || track_rest_jumps(&k->rest, look))
-        k->rest = (struct track_rest){.looks = 0.0};
-    k->missed = 0.0;
     if (p->has_velocity)
         k->agreeing = agrees(p, &k->filter) ? k->agreeing + 1 : 0;
+    if (k->missed > (k->agreeing ? AGREED_LOOKS : MISSED_LOOKS) ||
+        track_rest_jumps(&k->rest, look))
+        k->rest = (struct track_rest){.looks = 0.0};
+    k->missed = 0.0;
     if (goes)
         follow_course(p, k->body.sight, k);
     if (look->range_m > 0.0)
