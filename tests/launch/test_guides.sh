@@ -7,8 +7,8 @@ set -euo pipefail
 . "$(dirname "$0")/check.sh"
 
 anlos=${1:?the program anlos}
-mapfile -t pages < <(find "$root" -name '*.md' -not -path '*/build*' -not -path '*/.git*' |
-    sort)
+mapfile -t pages < <(find "$root" \( -path "$root/build*" -o -path "$root/.git*" \) -prune -o \
+    -name '*.md' -print | sort)
 commands=$("$anlos" --help | sed -n 's/^  \([a-z-]*\)  .*/\1/p' | paste -sd '|')
 declare -A helps
 

@@ -329,8 +329,6 @@ static int place(struct session *s)
                : 0;
 }
 
-/* Reads the file, if it is there, and opens the array as it is, without what a file would
- * correct.  0, -EINVAL (wrong file, made for another array), other negative errno. */
 /* Before minutes of measuring. */
 static int check_folder(struct session *s)
 {
@@ -343,6 +341,8 @@ static int check_folder(struct session *s)
                : 0;
 }
 
+/* Reads the file, if it is there, and opens the array as it is, without what a file would
+ * correct.  0, -EINVAL (wrong file, made for another array), other negative errno. */
 static int session_open(struct session *s, const struct calibrate_options *o)
 {
     *s = (struct session){.options = o};
