@@ -274,6 +274,31 @@ static void place_array(const struct object_tracker *t, const struct sight *sigh
     memcpy(out->axis, axis, sizeof out->axis);
 }
 
+#define VELOCITY_NS 10000000 /* before and after */
+
+/* What rests over a line array's plane, or behind it, seems to glide along with it: its
+ * velocity in the mean of an image's pings, in the array frame. */
+static void find_gliding(const struct object_tracker *t, const struct sight *sight,
+                         const struct volume *volume, double out_m_s[3])
+{
+    double age_s = timing_age_s(&t->detector.survey, volume);
+    int64_t mean_ns = volume->capture_ns - llrint(1e9 * age_s);
+    struct ego_step step;
+    double then_m[3], way_m[3];
+
+    move_between(t, mean_ns - VELOCITY_NS, mean_ns + VELOCITY_NS, &step);
+    ego_step_point(&step, sight->origin_m, then_m);
+    for (int a = 0; a < 3; a++)
+        way_m[a] = sight->origin_m[a] - then_m[a];
+    move_between(t, mean_ns, volume->capture_ns, &step);
+    ego_step_turn(&step, way_m, way_m);
+    for (int b = 0; b < 3; b++) {
+        out_m_s[b] = 0.0;
+        for (int a = 0; a < 3; a++)
+            out_m_s[b] += 0.5e9 / VELOCITY_NS * sight->axes[a][b] * way_m[a];
+    }
+}
+
 /* As the array heard it from there. */
 static void hear(const struct sight *sight, const struct track_array *array,
                  const double virtual_m[3], struct track_detection *out)
@@ -302,7 +327,8 @@ static double remains(const struct object *o)
  * back when tracks are listed. */
 static void take_detection(const struct object_tracker *t, const struct sight *sight,
                            const struct volume *volume, const struct track_array *array,
-                           const struct object *o, struct track_detection *out)
+                           const double gliding_m_s[3], const struct object *o,
+                           struct track_detection *out)
 {
     const double *v = o->virtual_m;
     double wall_m2[6];
@@ -332,6 +358,7 @@ static void take_detection(const struct object_tracker *t, const struct sight *s
     sight_direction(sight, o->place.wall, out->position_m, out->sight);
     const double course_m_s[3] = {o->course_m_s[0], 0.0, o->course_m_s[1]};
     sight_way(sight, o->place.wall, course_m_s, out->course_m_s);
+    sight_way(sight, o->place.wall, gliding_m_s, out->gliding_m_s);
 }
 
 static bool is_behind_a_wall(const struct sight *sight, const struct object *o)
@@ -433,7 +460,7 @@ static int follow(struct object_tracker *t, const struct volume *volume,
                   const struct sight *sight, struct object_list *list)
 {
     int64_t capture_ns = volume->capture_ns;
-    double dt_s = 1e-9 * (double)(capture_ns - t->stamp_ns);
+    double dt_s = 1e-9 * (double)(capture_ns - t->stamp_ns), gliding_m_s[3];
     struct track_scan scan = {
         .stamp_ns = capture_ns,
         .detections = t->detections,
@@ -453,13 +480,14 @@ static int follow(struct object_tracker *t, const struct volume *volume,
     double lag_s = timing_lag_s(&t->detector.survey, volume, 0.0);
     place_tracks(t, sight, &scan.ego, fmax(dt_s, 0.0) + lag_s);
     place_array(t, sight, volume, &scan.array);
+    find_gliding(t, sight, volume, gliding_m_s);
     scan.n_mirrors = sight_mirrors(sight, scan.mirrors);
     if (is_blanked(volume))
         scan.shows = shows_nothing;
     else if (shows_hidden(t, volume, sight))
         scan.n = choose_candidates(t, sight, list);
     for (size_t i = 0; i < scan.n; i++)
-        take_detection(t, sight, volume, &scan.array, &list->objects[i],
+        take_detection(t, sight, volume, &scan.array, gliding_m_s, &list->objects[i],
                        &t->detections[i]);
     list->ego_unknown = !scan.ego_known;
     return tracker_step(t->tracker, &scan);

@@ -167,21 +167,18 @@ static enum track_motion judge_motion(const struct track *k)
 }
 
 /* Noise may go along a course, but not along the same one again. */
-static void follow_course(const struct track_position *p, const double sight[2],
-                          struct track *k)
+static bool goes_on(const struct track_position *p, const double sight[2],
+                    const double before_m_s[2])
 {
     const double *v = p->velocity_m_s;
-    const double turn_m_s[2] = {v[0] - k->course_m_s[0], v[1] - k->course_m_s[1]};
+    const double turn_m_s[2] = {v[0] - before_m_s[0], v[1] - before_m_s[1]};
     double along_m_s = turn_m_s[0] * sight[0] + turn_m_s[1] * sight[1];
     double across_m_s = turn_m_s[1] * sight[0] - turn_m_s[0] * sight[1];
-    bool again = fabs(along_m_s) < COURSE_ALONG_M_S &&
-                 fabs(across_m_s) < COURSE_ACROSS_M_S;
 
-    k->courses = again ? k->courses + 1 : 1;
-    memcpy(k->course_m_s, v, sizeof k->course_m_s);
+    return fabs(along_m_s) < COURSE_ALONG_M_S && fabs(across_m_s) < COURSE_ACROSS_M_S;
 }
 
-/* As 99 of 100 velocities do, by the phases of pings, of what goes as the track does. */
+/* As 19 of 20 velocities do, by the phases of pings, of what goes as the filter says. */
 static bool agrees(const struct track_position *p, const struct track_filter *f)
 {
     const double less_m_s[2] = {p->velocity_m_s[0] - f->state[2],
@@ -191,7 +188,48 @@ static bool agrees(const struct track_position *p, const struct track_filter *f)
     for (int a = 0; a < 2; a++)
         for (int b = 0; b < 2; b++)
             c[a][b] = p->velocity_m2_s2[a][b] + f->covariance[2 + a][2 + b];
-    return track_filter_distance2(less_m_s, (const double(*)[2])c) < 9.21;
+    return track_filter_distance2(less_m_s, (const double(*)[2])c) < 5.99;
+}
+
+/* Before the filter takes that velocity. */
+static void follow_course(const struct tracker *t, const struct track_scan *scan,
+                          struct track *k)
+{
+    const struct track_position *p = &t->positions[k->detection];
+    double sight[2];
+
+    if (!p->has_velocity)
+        return;
+    track_turn(t->pose.dyaw, scan->detections[k->detection].sight, sight);
+    bool agree = agrees(p, &k->filter) && goes_on(p, sight, k->velocity_m_s);
+    k->agreeing = agree ? k->agreeing + 1 : 1;
+    memcpy(k->velocity_m_s, p->velocity_m_s, sizeof k->velocity_m_s);
+    if (!scan->detections[k->detection].moves)
+        return;
+    k->courses = goes_on(p, sight, k->course_m_s) ? k->courses + 1 : 1;
+    memcpy(k->course_m_s, p->velocity_m_s, sizeof k->course_m_s);
+}
+
+/* 19 of 20 things that rest, at whatever height, glide otherwise. */
+static bool goes_by_itself(const struct tracker *t, const struct track_detection *d,
+                           const struct track_filter *f)
+{
+    const double c[2][2] = {{f->covariance[2][2], f->covariance[2][3]},
+                            {f->covariance[3][2], f->covariance[3][3]}};
+    const double *v = f->state + 2;
+    double glides[2], part = 0.0;
+
+    track_turn(t->pose.dyaw, d->gliding_m_s, glides);
+    double whole = track_filter_distance2(glides, c);
+    if (whole > 0.0) { /* v' C^-1 g, of three squares */
+        const double both[2] = {v[0] + glides[0], v[1] + glides[1]};
+        part = 0.5 *
+               (track_filter_distance2(both, c) - track_filter_distance2(v, c) - whole) /
+               whole;
+        part = fmin(fmax(part, 0.0), 2.0);
+    }
+    const double off[2] = {v[0] - part * glides[0], v[1] - part * glides[1]};
+    return track_filter_distance2(off, c) > 5.99;
 }
 
 /* After a gap or a jump it may be another thing that is seen: what moves is seen moving.
@@ -208,20 +246,19 @@ static void judge_rest(const struct tracker *t, const struct track_scan *scan,
     double power = scan->detections[k->detection].power;
     bool taken = !scan->standing_left;
 
-    if (p->has_velocity)
-        k->agreeing = agrees(p, &k->filter) ? k->agreeing + 1 : 0;
-    if (k->missed > (k->agreeing ? AGREED_LOOKS : MISSED_LOOKS) ||
+    if (k->missed > (k->agreeing > 1 ? AGREED_LOOKS : MISSED_LOOKS) ||
         track_rest_jumps(&k->rest, look))
         k->rest = (struct track_rest){.looks = 0.0};
     k->missed = 0.0;
-    if (goes)
-        follow_course(p, k->body.sight, k);
     if (look->range_m > 0.0)
         track_rest_add(&k->rest, look, fresh, scan->stamp_ns, t->cfg.rest_s);
     k->power += (k->power > 0.0 ? EXTENT_SHARE : 1.0) * (power - k->power);
     if ((taken && (k->id || k->power >= scan->detections[k->detection].remains)) ||
         track_rest_moves(&k->rest, taken, k->agreeing >= AGREEING) ||
-        (goes && k->courses >= COURSES) || (k->id && track_rest_misfit(&k->rest) > 1.0))
+        (goes && k->courses >= COURSES) ||
+        (k->agreeing >= AGREEING && p->has_velocity &&
+         goes_by_itself(t, &scan->detections[k->detection], &k->filter)) ||
+        (k->id && track_rest_misfit(&k->rest) > 1.0))
         k->moves_ns = scan->stamp_ns;
 }
 
@@ -325,6 +362,7 @@ static void continue_track(struct tracker *t, const struct track_scan *scan, siz
     double ratio = 1.0 - seen + seen * m.density / scan->clutter_m2;
     track_life_update(&k->life, &t->life, true, ratio, fresh);
     prove(t, scan, k);
+    follow_course(t, scan, k);
     if (k->body.n) {
         k->models.begun = false;
         k->past.n = 0;
@@ -510,6 +548,7 @@ static void start_track(struct tracker *t, const struct track_scan *scan,
     k->state = TRACK_MEASURED;
     k->first_ns = k->seen_ns = scan->stamp_ns;
     track_mirror_measured(t, scan, k, scan->detections[k->detection].mirror);
+    follow_course(t, scan, k);
     judge_rest(t, scan, fresh, k);
     t->n++;
 }

@@ -89,11 +89,12 @@ struct track_detection {
                        subtracted, and has to move before it is named; 0: none is */
     double proven;  /* 0..1: by pings one by one; 0: not known */
     bool moves;     /* by itself: so the phases of the image's pings have it */
-    bool has_course;      /* or may: they have it at, */
-    double course_m_s[2]; /* a velocity over ground, along the vehicle's axes */
-    double power;         /* of its echo, any unit, > 0 */
-    double lag_s;         /* recon/tracking/track_filter.h */
-    double middle_m[2];   /* of all that is bright there, from its place */
+    bool has_course;       /* or may: they have it at, */
+    double course_m_s[2];  /* a velocity over ground, along the vehicle's axes; */
+    double gliding_m_s[2]; /* what rests overhead or behind has 0 to 2 times this one */
+    double power;          /* of its echo, any unit, > 0 */
+    double lag_s;          /* recon/tracking/track_filter.h */
+    double middle_m[2];    /* of all that is bright there, from its place */
     bool height_assumed;
     double along_m, range_m; /* as the array heard it, from track_array.at_m */
     double sight[2]; /* along which it was heard, away from the wall; unit, or 0 */

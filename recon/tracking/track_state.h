@@ -37,9 +37,10 @@ struct track {
     double waited;              /* for that: looks in which no mirror showed it */
     bool merged;                /* into another one */
     double as_one;              /* looks, that it has gone with an older one as one */
-    unsigned agreeing;    /* looks in a row whose velocity, by phases, was its own */
-    unsigned courses;     /* times that phases had it moving, one like the other, */
-    double course_m_s[2]; /* with this velocity lately */
+    unsigned agreeing;          /* times in a row that phases had it go as it went, */
+    double velocity_m_s[2];     /* by them with this velocity lately */
+    unsigned courses;           /* times that phases had it moving, one like the other, */
+    double course_m_s[2];       /* with this velocity lately */
     size_t detection;
 };
 

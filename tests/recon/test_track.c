@@ -962,6 +962,36 @@ static void whose_courses_do_not_agree_is_not_told(void **state)
     }
 }
 
+/* Images of one that crosses until it is told, where what rests glides at so many m/s. */
+static int images_among_rest(struct rig *r, double glides_x, double glides_y)
+{
+    use(r);
+    r->scan.stamp_ns = 0;
+    begin_with_what_stands(r);
+    for (int k = 1; k < 20; k++) {
+        see_may_go(r, 5.0, -2.0 + 1.4 * 2e-9 * PING_NS * k, 0.0, 1.4);
+        r->detections[0].gliding_m_s[0] = glides_x;
+        r->detections[0].gliding_m_s[1] = glides_y;
+        step_after(r, 2 * PING_NS);
+        if (r->n)
+            return k;
+    }
+    return INT_MAX;
+}
+
+/* At four in a row; what rests may show 0 to 2 times what it glides at, the same way. */
+static void whose_course_is_none_of_rest_is_told_once_velocities_agree(void **state)
+{
+    struct rig *r = *state;
+
+    assert_int_equal(images_among_rest(r, 0.0, 0.0), 4);
+    assert_int_equal(images_among_rest(r, 1.0, 0.0), 4);
+    assert_int_equal(images_among_rest(r, 0.0, -1.0), 4);
+    assert_int_equal(images_among_rest(r, 0.0, 0.1), 4);
+    assert_in_range(images_among_rest(r, 0.0, 0.7), 5, 9);
+    assert_in_range(images_among_rest(r, 0.0, 2.0), 5, 9);
+}
+
 /* Its places have to tell, as they do of who shows no velocity, but sooner: the image
  * after which it is told. */
 static int images_until_told(struct rig *r, bool has_course)
@@ -974,6 +1004,8 @@ static int images_until_told(struct rig *r, bool has_course)
         double x = 5.0 - 0.03 * k, y = -2.0 + 0.06 * k, off = 0.1 * (k % 3 - 1);
         see_may_go(r, x, y + off, -0.6, 1.2);
         r->detections[0].has_course = has_course;
+        r->detections[0].gliding_m_s[0] = -0.4; /* it may rest */
+        r->detections[0].gliding_m_s[1] = 0.8;
         step_after(r, 2 * PING_NS);
         if (r->n)
             return k;
@@ -1003,6 +1035,7 @@ static int seen_until_told(struct rig *r, int gap, bool has_course)
         if (k < 16 || k >= 16 + gap) {
             see_may_go(r, 5.0, -2.0 + 1.2 * 1e-9 * PING_NS * k, 0.0, 1.2);
             r->detections[0].has_course = has_course;
+            r->detections[0].gliding_m_s[1] = 1.0; /* it may rest */
             seen++;
         }
         step_after(r, PING_NS);
@@ -1296,6 +1329,7 @@ int main(void)
         TEST(what_stands_in_the_image_is_not_told),
         TEST(whose_phases_go_along_a_course_is_told_beside_what_stands),
         TEST(whose_courses_do_not_agree_is_not_told),
+        TEST(whose_course_is_none_of_rest_is_told_once_velocities_agree),
         TEST(whose_course_may_be_one_of_rest_is_told_by_places_and_sooner),
         TEST(what_moves_is_known_over_a_gap),
         TEST(once_a_background_is_taken_away_it_is_told),
