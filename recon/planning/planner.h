@@ -2,8 +2,8 @@
 /* recon/planning/planner.h -- `--method auto`: from what a scene is like
  * (recon/planning/probe) and what the user can spend, the method, the pairs, the band,
  * the depth, the steps and the iterations of its image.  Every combination is given a
- * time and an error beforehand; the cheapest that is
- * exact enough is taken, or the best that time allows. */
+ * time and an error beforehand; the cheapest that is exact enough is taken, or the best
+ * that time allows. */
 #ifndef ANLOS_RECON_PLANNING_PLANNER_H
 #define ANLOS_RECON_PLANNING_PLANNER_H
 
