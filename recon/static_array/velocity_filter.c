@@ -29,6 +29,12 @@ enum { ALONG_MM = 5, END_ALONG_MM = 6 };
 enum { ACROSS = 2, ALONG = 4, N_ACROSS = 2 * ACROSS + 1, N_ALONG = 2 * ALONG + 1 };
 enum { ENDS_ACROSS = 24, ENDS_ALONG = 96 };
 
+/* What rests shows courses within so many steps of its own; while the vehicle brakes,
+ * also within so much of what its velocity changes by, as far as they go along with it.
+ */
+#define REST_STEPS  0.8
+#define REST_BRAKES 0.5
+
 #define HEIGHT_M 0.2
 enum { HEIGHTS = 11 };
 
@@ -114,7 +120,8 @@ struct sight {
     double from_m[3]; /* the middle of the array in the middle of the pings' time */
     double y_m, range_m, angle_rad;
     double across_m, end_across_m; /* steps */
-    double ego_m_s[2];             /* of the array over ground: across, along */
+    double ego_m_s[2];             /* of the array over ground: across, along; */
+    double brakes_m_s;             /* what it changes by, from the mean on */
 };
 
 static void find_sight(const struct velocity_filter *v, const double at_m[3],
@@ -136,6 +143,11 @@ static void find_sight(const struct velocity_filter *v, const double at_m[3],
     double sine = sin(out->angle_rad), cosine = cos(out->angle_rad);
     out->ego_m_s[0] = ego_m_s[0] * cosine - ego_m_s[2] * sine;
     out->ego_m_s[1] = ego_m_s[0] * sine + ego_m_s[2] * cosine;
+    for (size_t k = 0; k < v->n_looks; k++) {
+        const double *now_m_s = v->looks[k].velocity_m_s;
+        double off_m_s = hypot(now_m_s[0] - ego_m_s[0], now_m_s[2] - ego_m_s[2]);
+        out->brakes_m_s = fmax(out->brakes_m_s, off_m_s);
+    }
 }
 
 /* As far from the array whatever its height over the plane of the image. */
@@ -354,8 +366,11 @@ static bool may_rest(const struct velocity_filter *v, const struct sight *s, int
     double part = speed2 > 0.0 ? (x * ego[0] + z * ego[1]) / speed2 : 0.0;
 
     part = fmin(fmax(part, 0.0), 2.0);
-    return fabs(x - part * ego[0]) < 1.5 * s->end_across_m / v->half_s &&
-           fabs(z - part * ego[1]) < 1.5 * END_ALONG_M / v->half_s;
+    double across_m_s = REST_STEPS * s->end_across_m / v->half_s;
+    double along_m_s = REST_STEPS * END_ALONG_M / v->half_s;
+    double more_m_s = REST_BRAKES * part * s->brakes_m_s;
+    return fabs(x - part * ego[0]) < across_m_s + more_m_s &&
+           fabs(z - part * ego[1]) < along_m_s + more_m_s;
 }
 
 /* And the most of what may rest. */

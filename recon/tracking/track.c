@@ -8,7 +8,8 @@
 
 #include "recon/tracking/track_state.h"
 
-#define COURSES           3 /* in a row: it does move */
+#define COURSES           2 /* in a row: it does move; */
+#define COURSE_SCANS      4 /* of every second image, of which one may show none */
 #define AGREEING          4 /* velocities in a row, of phases and places: one thing moves */
 #define COURSE_ALONG_M_S  0.6
 #define COURSE_ACROSS_M_S 1.5
@@ -198,6 +199,7 @@ static void follow_course(const struct tracker *t, const struct track_scan *scan
     const struct track_position *p = &t->positions[k->detection];
     double sight[2];
 
+    k->course_scans++;
     if (!p->has_velocity)
         return;
     track_turn(t->pose.dyaw, scan->detections[k->detection].sight, sight);
@@ -206,7 +208,9 @@ static void follow_course(const struct tracker *t, const struct track_scan *scan
     memcpy(k->velocity_m_s, p->velocity_m_s, sizeof k->velocity_m_s);
     if (!scan->detections[k->detection].moves)
         return;
-    k->courses = goes_on(p, sight, k->course_m_s) ? k->courses + 1 : 1;
+    bool on = k->course_scans <= COURSE_SCANS && goes_on(p, sight, k->course_m_s);
+    k->courses = on ? k->courses + 1 : 1;
+    k->course_scans = 0;
     memcpy(k->course_m_s, p->velocity_m_s, sizeof k->course_m_s);
 }
 
@@ -361,8 +365,8 @@ static void continue_track(struct tracker *t, const struct track_scan *scan, siz
     double seen = t->cfg.detection_probability;
     double ratio = 1.0 - seen + seen * m.density / scan->clutter_m2;
     track_life_update(&k->life, &t->life, true, ratio, fresh);
-    prove(t, scan, k);
     follow_course(t, scan, k);
+    prove(t, scan, k);
     if (k->body.n) {
         k->models.begun = false;
         k->past.n = 0;
@@ -426,6 +430,7 @@ static void miss_track(struct tracker *t, const struct track_scan *scan, size_t 
         track_life_update(&k->life, &t->life, false, 1.0 - t->cfg.detection_probability,
                           fresh);
     k->missed += fresh;
+    k->course_scans++;
     lose_walker(t, scan, k);
     k->waited += k->placed || !scan->n_mirrors ? 0.0 : fresh;
     k->state = TRACK_PREDICTED;
@@ -544,11 +549,11 @@ static void start_track(struct tracker *t, const struct track_scan *scan,
     track_filter_start(&k->filter, &middle, t->cfg.new_speed_m_s);
     k->steady = k->filter;
     track_life_start(&k->life, &t->life, t->cfg.new_existence * existence);
-    prove(t, scan, k);
     k->state = TRACK_MEASURED;
     k->first_ns = k->seen_ns = scan->stamp_ns;
     track_mirror_measured(t, scan, k, scan->detections[k->detection].mirror);
     follow_course(t, scan, k);
+    prove(t, scan, k);
     judge_rest(t, scan, fresh, k);
     t->n++;
 }

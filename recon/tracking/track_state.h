@@ -40,6 +40,7 @@ struct track {
     unsigned agreeing;          /* times in a row that phases had it go as it went, */
     double velocity_m_s[2];     /* by them with this velocity lately */
     unsigned courses;           /* times that phases had it moving, one like the other, */
+    unsigned course_scans;      /* since then, */
     double course_m_s[2];       /* with this velocity lately */
     size_t detection;
 };

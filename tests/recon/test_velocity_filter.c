@@ -434,6 +434,24 @@ static void what_crosses_is_told(void **state)
     expect_told(&(const struct course){"across", {0.0, 0.0, 2.2}, {-1.8, 0.0, 0.0}});
 }
 
+/* Across the sight a velocity is known to 0.6 m/s: who walks across slowly is told all
+ * the same from what rests overhead, which only goes along with the vehicle. */
+static void who_walks_across_slowly_is_told_from_what_rests_overhead(void **state)
+{
+    (void)state;
+    static struct scene s;
+    double x = sin(20.0 * degree), z = cos(20.0 * degree);
+    const struct course walks[ARRAYS] = {
+        {"at 20 degrees", {2.2 * x, 0.0, 2.2 * z}, {0.8, 0.0, 0.0}},
+        {"ahead", {0.0, 0.0, 2.2}, {-1.0, 0.0, 0.0}}};
+    for (size_t q = 0; q < ARRAYS; q++) {
+        scene_default(&s, speaker_counts[q], 2.0);
+        add_point(&s, walks[q].at_m, walks[q].velocity_m_s);
+        scene_find(&s, PINGS);
+        expect(&s, &walks[q], 1);
+    }
+}
+
 static void what_comes_obliquely_is_told(void **state)
 {
     (void)state;
@@ -620,6 +638,7 @@ int main(void)
         cmocka_unit_test(what_comes_towards_the_array_is_told),
         cmocka_unit_test(what_goes_away_is_told_or_ambiguous),
         cmocka_unit_test(what_crosses_is_told),
+        cmocka_unit_test(who_walks_across_slowly_is_told_from_what_rests_overhead),
         cmocka_unit_test(what_comes_obliquely_is_told),
         cmocka_unit_test(what_comes_from_one_side_is_told),
         cmocka_unit_test(its_power_is_that_of_all_pings_in_phase_over_the_median),
