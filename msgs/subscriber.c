@@ -245,8 +245,7 @@ static size_t subscription_peers(const struct subscription *subscription)
 /* -- the receiving thread --------------------------------------------------------------
  */
 
-#define MAX_TOPICS 32
-#define FDS        3 /* of a subscription */
+#define FDS 3 /* of a subscription */
 
 enum refusal { /* after those of enum envelope_fault */
                REFUSAL_TOPIC = ENVELOPE_TOO_LARGE + 1,
@@ -287,7 +286,7 @@ struct subscriber {
     int64_t since_ns; /* for subscriptions to come */
     size_t n_subscriptions;
     struct subscription
-        subscriptions[MAX_TOPICS]; /* one that is in use keeps its place */
+        subscriptions[TOPICS_COUNT]; /* one that is in use keeps its place */
     uint64_t refused;
     bool told[N_REFUSALS];
     void (*on_refusal)(void *ctx, const char *text);
@@ -483,8 +482,8 @@ static int await_in_new_folder(struct subscriber *in)
 static void *listen_for_ever(void *arg)
 {
     struct subscriber *in = arg;
-    struct pollfd fds[2 + FDS * MAX_TOPICS] = {{.fd = in->wake_fd, .events = POLLIN},
-                                               {.fd = -1, .events = POLLIN}};
+    struct pollfd fds[2 + FDS * TOPICS_COUNT] = {{.fd = in->wake_fd, .events = POLLIN},
+                                                 {.fd = -1, .events = POLLIN}};
     size_t n_subscriptions = 0;
     int64_t due_ms = 0;
     for (;;) {
@@ -566,7 +565,7 @@ no_parts:
 int subscriber_subscribe(struct subscriber *in, const struct topic *t)
 {
     pthread_mutex_lock(&in->lock);
-    int err = in->n_subscriptions < MAX_TOPICS ? 0 : -E2BIG;
+    int err = in->n_subscriptions < TOPICS_COUNT ? 0 : -E2BIG;
     bool known = false;
     for (size_t i = 0; i < in->n_subscriptions; i++)
         known |= in->subscriptions[i].topic == t;

@@ -23,7 +23,7 @@ struct topic {
     const char *publishers[8]; /* node names, NULL at the end; {"*"}: every node */
 };
 
-/* The whole table; ends with name == NULL. */
+/* The whole table, [TOPICS_COUNT]; ends with name == NULL. */
 const struct topic *topics_all(void);
 
 /* NULL: no such topic. */
@@ -37,30 +37,54 @@ bool topics_have_node(const char *name);
 const char *topic_publisher(const struct topic *t, size_t i);
 bool topic_is_published_by(const struct topic *t, const char *node);
 
+/* clang-format off */
+/* Name in code; of the topic; schema; expected rate in Hz; policy; depth; size; publishers.
+ * A full queue of pings holds 4 s of a scan, one of traces a whole scan. */
+#define TOPICS(X)                                                                        \
+    X(survey, "survey", survey, 1, TOPIC_LATEST, 1, 16 * MB, "array")                    \
+    X(stage_command, "stage/command", stage_command, 0, TOPIC_ALL, 16, 4 * KB, "scan")   \
+    X(stage_state, "stage/state", stage_state, 2, TOPIC_LATEST, 1, 4 * KB, "stage")      \
+    /* of "hand": a command line, no node */                                             \
+    X(stage_manual, "stage/manual", stage_manual, 0, TOPIC_ALL, 16, 4 * KB, "hand")      \
+    X(fire, "array/fire", fire_command, 0, TOPIC_ALL, 16, 64 * KB, "scan")               \
+    X(ping, "ping", ping, 16, TOPIC_ALL, 64, 8 * MB, "array")                            \
+    X(traces, "traces", traces, 16, TOPIC_ALL, 512, 8 * MB, "dsp")                       \
+    X(volume, "volume", volume, 0, TOPIC_LATEST, 1, 256 * MB, "recon")                   \
+    X(detections, "detections", detection_list, 0, TOPIC_ALL, 64, 1 * MB, "track")       \
+    X(scan_status, "scan/status", scan_status, 5, TOPIC_LATEST, 1, 4 * KB, "scan")       \
+    X(receipt, "receipt", receipt, 16, TOPIC_ALL, 4096, 4 * KB, "dsp", "recon")          \
+    X(health, "health", health, 1, TOPIC_ALL, 256, 64 * KB, "*")                         \
+    X(log, "log", log, 0, TOPIC_ALL, 512, 16 * KB, "*")                                  \
+    X(clock, "clock", clock, 5, TOPIC_LATEST, 1, 8 * KB, "play")                         \
+    /* of launchers of a system on several machines */                                   \
+    X(host, "host", host_status, 2, TOPIC_ALL, 16, 4 * KB, "launcher")                   \
+    X(wall, "wall", wall_list, 10, TOPIC_LATEST, 1, 16 * KB, "wall")                     \
+    X(wall_given, "wall/given", wall_list, 10, TOPIC_LATEST, 1, 16 * KB,                 \
+      "can", "vehicle")                                                                  \
+    X(echoes, "echoes", echoes, 0, TOPIC_ALL, 256, 256 * KB, "dsp")                      \
+    X(ego, "ego", ego_motion, 50, TOPIC_ALL, 256, 4 * KB, "can", "vehicle")              \
+    X(ambient, "ambient", ambient, 1, TOPIC_LATEST, 1, 4 * KB, "can", "vehicle")         \
+    X(places, "array/places", element_places, 0, TOPIC_LATEST, 1, 16 * KB, "dsp")        \
+    /* in a replay only */                                                               \
+    X(progress, "progress", progress, 0, TOPIC_ALL, 256, 4 * KB,                         \
+      "play", "dsp", "recon", "wall", "track", "can", "report")                          \
+    /* also of "hand", and "page": `anlos view` */                                       \
+    X(save, "record/save", save_request, 0, TOPIC_ALL, 16, 4 * KB,                       \
+      "hand", "view", "page", "can")                                                     \
+    /* also of "recorder": `anlos bag record` */                                         \
+    X(save_status, "record/status", save_status, 1, TOPIC_ALL, 64, 8 * KB,               \
+      "record", "recorder")
+/* clang-format on */
+
+enum {
+#define TOPICS_PLACE(name, ...) TOPICS_PLACE_##name,
+    TOPICS(TOPICS_PLACE) TOPICS_COUNT
+#undef TOPICS_PLACE
+};
+
 /* The topics by name, for code: topic_ping() is topics_find("ping"), never NULL. */
-const struct topic *topic_survey(void);
-const struct topic *topic_stage_command(void);
-const struct topic *topic_stage_state(void);
-const struct topic *topic_stage_manual(void); /* of "hand": a command line, no node */
-const struct topic *topic_fire(void);
-const struct topic *topic_ping(void);
-const struct topic *topic_traces(void);
-const struct topic *topic_volume(void);
-const struct topic *topic_detections(void);
-const struct topic *topic_scan_status(void);
-const struct topic *topic_receipt(void);
-const struct topic *topic_health(void);
-const struct topic *topic_log(void);
-const struct topic *topic_clock(void);
-const struct topic *topic_host(void); /* of launchers of a system on several machines */
-const struct topic *topic_wall(void);
-const struct topic *topic_wall_given(void);
-const struct topic *topic_echoes(void);
-const struct topic *topic_ego(void);
-const struct topic *topic_ambient(void);
-const struct topic *topic_places(void);
-const struct topic *topic_progress(void); /* in a replay only */
-const struct topic *topic_save(void);     /* also of "hand", and "page": `anlos view` */
-const struct topic *topic_save_status(void); /* also of "recorder": `anlos bag record` */
+#define TOPICS_DECLARE(name, ...) const struct topic *topic_##name(void);
+TOPICS(TOPICS_DECLARE)
+#undef TOPICS_DECLARE
 
 #endif

@@ -792,18 +792,9 @@ static const struct view {
 
 #define N_VIEWS (sizeof views / sizeof *views)
 
-size_t channels_topics(void)
-{
-    size_t n = 0;
-
-    while (topics_all()[n].name)
-        n++;
-    return n;
-}
-
 size_t channels_count(void)
 {
-    return channels_topics() + N_VIEWS;
+    return TOPICS_COUNT + N_VIEWS;
 }
 
 static struct bag_schema schema_of(const char *name)
@@ -818,7 +809,7 @@ static struct bag_schema schema_of(const char *name)
 
 void channel_get(size_t index, struct channel *out)
 {
-    size_t n = channels_topics();
+    size_t n = TOPICS_COUNT;
 
     if (index < n) {
         const struct topic *t = &topics_all()[index];

@@ -54,9 +54,8 @@ struct channel {
  * was made with the one before does not hold. */
 bool setting_take(struct setting *s, const struct foxglove_message *m);
 
-/* How many there are; the first ones, channels_topics, are those of topics_all. */
+/* How many there are; the first TOPICS_COUNT are those of topics_all. */
 size_t channels_count(void);
-size_t channels_topics(void);
 
 /* index: 0 up to channels_count. */
 void channel_get(size_t index, struct channel *out);

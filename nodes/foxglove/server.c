@@ -531,7 +531,7 @@ void foxglove_config_default(struct foxglove_config *cfg, int64_t now_ns)
 static void free_server(struct foxglove_server *s)
 {
     inbox_clear(&s->inbox);
-    for (size_t i = 0; s->newest && i < channels_topics(); i++)
+    for (size_t i = 0; s->newest && i < TOPICS_COUNT; i++)
         blob_release(s->newest[i].payload);
     free(s->newest);
     setting_clear(&s->setting);
@@ -581,7 +581,7 @@ int foxglove_server_create(struct foxglove_server **out, struct web *web,
     s->info = reply_server_info(cfg->name, cfg->session_ns);
     s->offered = calloc(s->n_channels, sizeof *s->offered);
     s->named = calloc(s->n_channels, sizeof *s->named);
-    s->newest = calloc(channels_topics(), sizeof *s->newest);
+    s->newest = calloc(TOPICS_COUNT, sizeof *s->newest);
     int err = !s->info || !s->offered || !s->named || !s->newest
                   ? -ENOMEM
                   : -pthread_create(&s->press, NULL, press_run, s);

@@ -24,16 +24,13 @@ int choice_make(struct choice *c, const char *topics, const char *exclude,
                 struct error *why)
 {
     char stray[PATTERN_SIZE];
-    size_t all = 0;
 
     *c = (struct choice){0};
     if (finds_stray(topics, stray) || finds_stray(exclude, stray))
         return error_say(why, -EINVAL,
                          "no topic is called \"%s\"; 'anlos topic list' has their names",
                          stray);
-    while (topics_all()[all].name)
-        all++;
-    c->topics = calloc(all, sizeof *c->topics);
+    c->topics = calloc(TOPICS_COUNT, sizeof *c->topics);
     if (!c->topics)
         return error_say(why, -ENOMEM, "out of memory");
     for (const struct topic *t = topics_all(); t->name; t++)
