@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "msgs/can/e2e.h"
 
+/* SAE J1850. */
 static uint8_t crc8(uint8_t crc, const uint8_t *data, size_t size)
 {
     for (size_t i = 0; i < size; i++) {
@@ -11,6 +12,7 @@ static uint8_t crc8(uint8_t crc, const uint8_t *data, size_t size)
     return crc;
 }
 
+/* CCITT-FALSE. */
 static uint16_t crc16(uint16_t crc, const uint8_t *data, size_t size)
 {
     for (size_t i = 0; i < size; i++) {
@@ -19,16 +21,6 @@ static uint16_t crc16(uint16_t crc, const uint8_t *data, size_t size)
             crc = (uint16_t)(crc & 0x8000 ? crc << 1 ^ 0x1021 : crc << 1);
     }
     return crc;
-}
-
-uint8_t e2e_crc8_j1850(const uint8_t *data, size_t size)
-{
-    return crc8(0xff, data, size) ^ 0xff;
-}
-
-uint16_t e2e_crc16_ccitt_false(const uint8_t *data, size_t size)
-{
-    return crc16(0xffff, data, size);
 }
 
 static uint8_t p11_crc(const uint8_t *data, size_t size, uint16_t data_id)
@@ -42,7 +34,7 @@ static uint16_t p05_crc(const uint8_t *data, size_t size, uint16_t data_id)
 {
     const uint8_t id[] = {(uint8_t)data_id, (uint8_t)(data_id >> 8)};
 
-    return crc16(e2e_crc16_ccitt_false(data + 2, size - 2), id, sizeof id);
+    return crc16(crc16(0xffff, data + 2, size - 2), id, sizeof id);
 }
 
 static uint8_t p11_nibble(uint16_t data_id)

@@ -35,9 +35,6 @@ struct e2e_check {
 #define E2E_P11_COUNTERS 15
 #define E2E_P05_COUNTERS 256
 
-uint8_t e2e_crc8_j1850(const uint8_t *data, size_t size);         /* check: 0x4B */
-uint16_t e2e_crc16_ccitt_false(const uint8_t *data, size_t size); /* check: 0x29B1 */
-
 /* Fill in CRC, counter and nibble.  size: 2.. of P11, 3.. of P05.  Only the low 12 bits
  * of data_id protect in P11. */
 void e2e_p11_protect(uint8_t *data, size_t size, uint16_t data_id, uint8_t counter);

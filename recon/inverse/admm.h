@@ -55,10 +55,8 @@ struct admm;
 int admm_create(struct admm **out, const struct admm_config *cfg);
 
 /* The blur: a Gaussian of unit sum with this covariance in voxels^2 (xx xy xz yy yz zz,
- * positive semidefinite), or any kernel [z][y][x] of which voxel 0 is the middle and the
- * rest wraps around.  Before the first solve; may change between solves. */
+ * positive semidefinite).  Before the first solve; may change between solves. */
 void admm_blur_gaussian(struct admm *a, const double covariance[6]);
-void admm_blur_kernel(struct admm *a, const float *kernel);
 
 /* x [z][y][x] from b (the same shape, or [n_data]); every x is finite and >= 0 when b is
  * finite.  The weights are multiples of `reference`, in units of K' b; 0: of the largest

@@ -164,27 +164,6 @@ static void transform(struct admm *a, const float *volume, size_t plane, float d
 /* -- kernels ----------------------------------------------------------------------------
  */
 
-/* |K| is at most 1 inside, and rho is in units of that. */
-static void set_kernel(struct admm *a)
-{
-    double largest = 0.0;
-    for (size_t k = 0; k < bins(a); k++)
-        largest = fmax(largest, hypot(a->kernel[k][0], a->kernel[k][1]));
-    a->gain = largest > 0.0 && isfinite(largest) ? largest : 1.0;
-    for (size_t k = 0; k < bins(a); k++) {
-        double re = a->kernel[k][0] / a->gain, im = a->kernel[k][1] / a->gain;
-        a->kernel[k][0] = (float)re;
-        a->kernel[k][1] = (float)im;
-        a->power[k] = (float)(re * re + im * im);
-    }
-}
-
-void admm_blur_kernel(struct admm *a, const float *kernel)
-{
-    transform(a, kernel, a->nx * a->ny, 1.0f, a->kernel);
-    set_kernel(a);
-}
-
 void admm_blur_power(struct admm *a, const float *response)
 {
     memset(a->data, 0, bins(a) * sizeof *a->data);
@@ -222,8 +201,9 @@ void admm_blur_gaussian(struct admm *a, const double c[6])
         form += middle[1] || middle[2] ? 0.0 : 2.0 * c[4] * w[1] * w[2];
         a->kernel[k][0] = (float)exp(-0.5 * fmax(form, 0.0));
         a->kernel[k][1] = 0.0f;
+        a->power[k] = a->kernel[k][0] * a->kernel[k][0];
     }
-    set_kernel(a);
+    a->gain = 1.0; /* |K| of no waves is, and rho is in units of that */
 }
 
 /* -- around the iterations --------------------------------------------------------------

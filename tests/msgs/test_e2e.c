@@ -12,14 +12,20 @@
 
 #define ID 0x123
 
-static const uint8_t digits[] = "123456789";
-
-/* Check values of the catalogue of parametrised CRC algorithms. */
+/* Check values of the catalogue of parametrised CRC algorithms, of "123456789".  Profile
+ * 11 begins with 0 where CRC-8/SAE-J1850 begins with 0xff and inverts what comes out:
+ * what it has first is inverted, and so is the value.  Profile 5 ends with its data ID.
+ */
 static void the_checksums_are_those_of_the_catalogue(void **state)
 {
+    uint8_t p11[] = "__23456789", p05[] = "___234567";
+
     (void)state;
-    assert_int_equal(e2e_crc8_j1850(digits, 9), 0x4b);
-    assert_int_equal(e2e_crc16_ccitt_false(digits, 9), 0x29b1);
+    e2e_p11_protect(p11, 10, 0xc00, 0xe);
+    assert_int_equal(p11[1], '1' ^ 0xff);
+    assert_int_equal(p11[0], 0x4b ^ 0xff);
+    e2e_p05_protect(p05, 9, '9' << 8 | '8', '1');
+    assert_int_equal(p05[1] << 8 | p05[0], 0x29b1);
 }
 
 static void profile_5_gives_the_bytes_of_the_vector(void **state)

@@ -153,32 +153,6 @@ static void any_operator_reaches_its_optimum(void **state)
     pool_destroy(pool);
 }
 
-/* A measured kernel: the Gaussian's own, with its voxel 0 first. */
-static void a_kernel_blurs_like_the_gaussian_that_it_is(void **state)
-{
-    (void)state;
-    static double k[N * N];
-    struct primal_dual p = {.n = {5, 3, 7}, .size = N, .n_data = N, .k = k};
-    struct admm_config cfg = admm_rig_config;
-    struct pool *pool;
-    struct admm_result r;
-    double b[N];
-    float data[N], kernel[N], gaussian[N], x[N];
-    cfg.l1 = cfg.tv = 0.03;
-    admm_rig_data(1.0, b, data);
-    admm_rig_solve(&cfg, 1, data, gaussian, &r);
-    primal_dual_blur(&p, admm_rig_tilted);
-    for (size_t d = 0; d < N; d++)
-        kernel[d] = (float)(3.0 * k[d * N]); /* and thrice as strong */
-    struct admm *a = admm_rig_create(&cfg, 1, &pool);
-    admm_blur_kernel(a, kernel);
-    admm_solve(a, data, 0.0, x, NULL);
-    for (size_t i = 0; i < N; i++)
-        assert_near(3.0 * x[i], gaussian[i], 1e-3);
-    admm_destroy(a);
-    pool_destroy(pool);
-}
-
 static void nonsense_is_refused(void **state)
 {
     (void)state;
@@ -207,7 +181,6 @@ int main(void)
         cmocka_unit_test(without_blur_the_l1_weight_is_subtracted),
         cmocka_unit_test(total_variation_draws_two_levels_together),
         cmocka_unit_test(any_operator_reaches_its_optimum),
-        cmocka_unit_test(a_kernel_blurs_like_the_gaussian_that_it_is),
         cmocka_unit_test(nonsense_is_refused),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
