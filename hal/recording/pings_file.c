@@ -9,6 +9,7 @@
 #include <string.h>
 #include <strings.h>
 
+#include "dsp/list.h"
 #include "hal/table_file.h"
 #include "hal/text_file.h"
 #include "recon/survey.h"
@@ -69,14 +70,8 @@ static int append(struct pings_file *f, const double at[COLUMNS])
     if (f->n == SURVEY_MAX_PINGS)
         return error_say(f->why, -EINVAL, "%s:%zu: more than %d pings", f->path, f->line,
                          SURVEY_MAX_PINGS);
-    if (f->n == f->room) {
-        size_t room = f->room ? 2 * f->room : 256;
-        void *more = realloc(f->pings, room * sizeof *f->pings);
-        if (!more)
-            return error_say(f->why, -ENOMEM, "%s: out of memory", f->path);
-        f->pings = more;
-        f->room = room;
-    }
+    if (list_grow(&f->pings, f->n, &f->room, sizeof *f->pings))
+        return error_say(f->why, -ENOMEM, "%s: out of memory", f->path);
     memcpy(f->pings[f->n++], at, sizeof *f->pings);
     return 0;
 }

@@ -13,6 +13,7 @@
 #include <strings.h>
 #include <unistd.h>
 
+#include "dsp/list.h"
 #include "hal/decimal.h"
 #include "hal/recording/riff.h"
 #include "hal/table_file.h"
@@ -83,26 +84,13 @@ static void complete(struct emissions *t, char *const *f, struct emission *e)
     t->heard_in[e->speaker] = e->frame;
 }
 
-static struct emission *append(struct emissions *t)
-{
-    if (t->n == t->room) {
-        size_t room = t->room ? 2 * t->room : 256;
-        struct emission *grown = realloc(t->list, room * sizeof *grown);
-        if (!grown)
-            return NULL;
-        t->list = grown;
-        t->room = room;
-    }
-    return &t->list[t->n];
-}
-
 static const char *take_row(void *ctx, char *const *fields)
 {
     struct emissions *t = ctx;
-    struct emission *e = append(t);
 
-    if (!e)
+    if (list_grow(&t->list, t->n, &t->room, sizeof *t->list))
         return "out of memory";
+    struct emission *e = &t->list[t->n];
     const char *wrong = take_numbers(t, fields, e);
     if (wrong)
         return wrong;

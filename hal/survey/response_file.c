@@ -10,24 +10,18 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "dsp/list.h"
 #include "hal/text_file.h"
 
 enum { MAX_POINTS = SURVEY_MAX_ELEMENTS };
 
 static int append(struct survey_response *r, size_t *room, double hz, double db)
 {
-    if (r->n_points == *room) {
-        size_t n = *room ? 2 * *room : 256;
-        double *f = realloc(r->frequency_hz, n * sizeof *f);
-        if (f)
-            r->frequency_hz = f;
-        double *g = realloc(r->gain_db, n * sizeof *g);
-        if (g)
-            r->gain_db = g;
-        if (!f || !g)
-            return -ENOMEM;
-        *room = n;
-    }
+    size_t same = *room; /* they grow alike */
+
+    if (list_grow(&r->frequency_hz, r->n_points, &same, sizeof *r->frequency_hz) ||
+        list_grow(&r->gain_db, r->n_points, room, sizeof *r->gain_db))
+        return -ENOMEM;
     r->frequency_hz[r->n_points] = hz;
     r->gain_db[r->n_points++] = db;
     return 0;

@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "dsp/list.h"
 #include "msgs/bag/catalog.h"
 #include "msgs/bag/compression.h"
 #include "msgs/bag/record.h"
@@ -66,14 +67,8 @@ static int compare_entries(const void *a, const void *b)
 
 static int add_entry(struct check_chunk *k, const struct bag_message *m, uint64_t offset)
 {
-    if (k->n == k->room) {
-        size_t room = k->room ? 2 * k->room : 64;
-        struct check_entry *grown = realloc(k->entries, room * sizeof *grown);
-        if (!grown)
-            return -ENOMEM;
-        k->entries = grown;
-        k->room = room;
-    }
+    if (list_grow(&k->entries, k->n, &k->room, sizeof *k->entries))
+        return -ENOMEM;
     k->entries[k->n++] = (struct check_entry){m->channel_id, m->log_time, offset};
     return 0;
 }

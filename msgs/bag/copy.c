@@ -5,6 +5,8 @@
 #include <inttypes.h>
 #include <stdlib.h>
 
+#include "dsp/list.h"
+
 #define NONE 0 /* no id of the new bag */
 
 struct source {
@@ -19,8 +21,8 @@ struct piece { /* what is in the new bag: a record, its id taken out */
 };
 
 struct pieces {
-    struct piece *list; /* [n], grown by doubling */
-    size_t n;
+    struct piece *list; /* [n] */
+    size_t n, room;
 };
 
 struct bag_copy {
@@ -69,13 +71,9 @@ static const struct piece *find_piece(const struct pieces *p, struct bytes bytes
 /* Takes the bytes over, also when it fails. */
 static int add_piece(struct pieces *p, struct bytes_buffer *bytes, uint16_t id)
 {
-    if (!(p->n & (p->n - 1))) { /* 0 and powers of two */
-        struct piece *grown = realloc(p->list, (p->n ? 2 * p->n : 1) * sizeof *grown);
-        if (!grown) {
-            bytes_free(bytes);
-            return -ENOMEM;
-        }
-        p->list = grown;
+    if (list_grow(&p->list, p->n, &p->room, sizeof *p->list)) {
+        bytes_free(bytes);
+        return -ENOMEM;
     }
     p->list[p->n++] = (struct piece){*bytes, id};
     return 0;

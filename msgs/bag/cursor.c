@@ -4,7 +4,8 @@
 #include <errno.h>
 #include <inttypes.h>
 #include <stdlib.h>
-#include <string.h>
+
+#include "dsp/list.h"
 
 #define MOST_HELD (4 * BAG_MAX_SIZE) /* of records at once */
 
@@ -145,13 +146,8 @@ static int list_entries(const struct bag_cursor *c, const struct bag_block *b,
             return -EBADMSG;
         if (r.message.log_time < c->from || c->unwanted[r.message.channel_id])
             continue;
-        if (k->n == room) {
-            room = room ? 2 * room : 64;
-            struct entry *grown = realloc(k->entries, room * sizeof *grown);
-            if (!grown)
-                return -ENOMEM;
-            k->entries = grown;
-        }
+        if (list_grow(&k->entries, k->n, &room, sizeof *k->entries))
+            return -ENOMEM;
         k->entries[k->n++] = (struct entry){r.message.log_time, offset};
     }
     if (k->n)
@@ -193,14 +189,8 @@ static int open_chunk(struct bag_cursor *c, const struct bag_block *b, struct er
 {
     struct open_chunk k = {.file_offset = b->offset};
 
-    if (c->n_open == c->room) {
-        size_t room = c->room ? 2 * c->room : 4;
-        struct open_chunk *grown = realloc(c->open, room * sizeof *grown);
-        if (!grown)
-            return error_say(why, -ENOMEM, "%s: out of memory", c->catalog->file.path);
-        c->open = grown;
-        c->room = room;
-    }
+    if (list_grow(&c->open, c->n_open, &c->room, sizeof *c->open))
+        return error_say(why, -ENOMEM, "%s: out of memory", c->catalog->file.path);
     int err = load(c, b, &k, why);
     c->held += k.records.size;
     if (!err && c->held > MOST_HELD)

@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "dsp/list.h"
 #include "msgs/bag/schemas.h"
 #include "msgs/shuffle.h"
 
@@ -19,8 +20,8 @@ struct known_channel {
 
 struct bag_topics {
     struct bag_writer *writer;
-    struct known_channel *channels; /* [n], grown by doubling */
-    size_t n;
+    struct known_channel *channels; /* [n] */
+    size_t n, room;
     const struct topic **schemas; /* [n_schemas]: the first topic that has it */
     uint16_t *schema_ids;         /* [n_schemas] */
     size_t n_schemas;
@@ -133,13 +134,8 @@ static int find_channel(struct bag_topics *t, const struct bag_source *s, uint16
             return 0;
         }
     }
-    if (!(t->n & (t->n - 1))) { /* 0 and powers of two */
-        struct known_channel *grown =
-            realloc(t->channels, (t->n ? 2 * t->n : 1) * sizeof *grown);
-        if (!grown)
-            return error_say(why, -ENOMEM, "out of memory");
-        t->channels = grown;
-    }
+    if (list_grow(&t->channels, t->n, &t->room, sizeof *t->channels))
+        return error_say(why, -ENOMEM, "out of memory");
     int err = write_channel(t, s, id, why);
     if (!err)
         t->channels[t->n++] = (struct known_channel){*s, *id};

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "dsp/list.h"
 #include "msgs/array.pb-c.h"
 
 #define FIRST_ROOM    16384 /* entries, as of 30 s of a drive; a power of two */
@@ -172,19 +173,6 @@ static void drop_background(struct ring *r)
     b->n = b->bytes = 0;
 }
 
-static bool background_has_room(struct background *b)
-{
-    if (b->n < b->room)
-        return true;
-    size_t room = b->room ? 2 * b->room : 64;
-    struct ring_entry *grown = realloc(b->list, room * sizeof *grown);
-    if (!grown)
-        return false;
-    b->list = grown;
-    b->room = room;
-    return true;
-}
-
 /* What may stay for beginnings, or is large, keeps the memory that it came in.
  * 0, -ENOMEM. */
 static int move_to_store(struct ring *r, struct ring_entry *e)
@@ -231,7 +219,7 @@ static void keep_background(struct ring *r, struct ring_entry *e)
     b->epoch_ns = e->message.envelope.epoch_ns;
     b->scan = e->scan;
     if (!gone && b->bytes + ring_cost(e) <= r->cfg.max_bytes / 2 &&
-        background_has_room(b)) {
+        !list_grow(&b->list, b->n, &b->room, sizeof *b->list)) {
         b->bytes += ring_cost(e);
         b->list[b->n++] = *e;
         return;

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "dsp/list.h"
 #include "msgs/unpack.h"
 #include "nodes/rt/export.h"
 #include "nodes/rt/export_plan.h"
@@ -56,16 +57,9 @@ static struct logbook_track *find_track(struct logbook *d, uint32_t id, int64_t 
         d->n_left_out++;
         return NULL;
     }
-    if (d->n_tracks == d->room) {
-        size_t room = d->room ? 2 * d->room : 16;
-        struct logbook_track *grown = realloc(d->tracks, room * sizeof *grown);
-        if (!grown) {
-            *err = -ENOMEM;
-            return NULL;
-        }
-        d->tracks = grown;
-        d->room = room;
-    }
+    *err = list_grow(&d->tracks, d->n_tracks, &d->room, sizeof *d->tracks);
+    if (*err)
+        return NULL;
     d->tracks[d->n_tracks] =
         (struct logbook_track){.id = id, .first_ns = now_ns, .velocity_m_s = {NAN, NAN}};
     return &d->tracks[d->n_tracks++];

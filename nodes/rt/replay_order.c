@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "dsp/list.h"
 #include "msgs/topics.h"
 
 bool replay_order_has(const struct topic *t)
@@ -231,14 +232,8 @@ int replay_order_put(struct replay_order *o, const struct bus_message *m)
         bus_message_free(&past);
         return 0;
     }
-    if (o->n_waiting == o->n_room) {
-        size_t room = o->n_room ? 2 * o->n_room : 64;
-        struct bus_message *grown = realloc(o->waiting, room * sizeof *grown);
-        if (!grown)
-            return -ENOMEM;
-        o->waiting = grown;
-        o->n_room = room;
-    }
+    if (list_grow(&o->waiting, o->n_waiting, &o->n_room, sizeof *o->waiting))
+        return -ENOMEM;
     if (heard) {
         follow_epoch(heard, m->envelope.epoch_ns);
         heard->next = m->envelope.sequence + 1;

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "dsp/list.h"
 #include "msgs/bag/catalog.h"
 #include "msgs/bag/manifest.h"
 #include "msgs/bag/topic_message.h"
@@ -208,17 +209,13 @@ static int hold(struct held *h, const struct bag_message *m)
 static int hold_more(struct timeline *t, const struct bag_source *source,
                      const struct bag_message *m)
 {
+    size_t known = t->room;
+
     if (t->n_several == MOST_HELD)
         return 0;
-    if (t->n_several == t->room) {
-        size_t room = t->room ? 2 * t->room : 64;
-        struct held *grown = realloc(t->several, room * sizeof *grown);
-        if (!grown)
-            return -ENOMEM;
-        memset(grown + t->room, 0, (room - t->room) * sizeof *grown);
-        t->several = grown;
-        t->room = room;
-    }
+    if (list_grow(&t->several, t->n_several, &t->room, sizeof *t->several))
+        return -ENOMEM;
+    memset(t->several + known, 0, (t->room - known) * sizeof *t->several);
     t->several[t->n_several].source = source;
     return hold(&t->several[t->n_several++], m);
 }

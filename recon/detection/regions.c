@@ -8,6 +8,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "dsp/list.h"
+
 #define BODY_DB 6.0 /* an object's body: what is this far below its peak */
 
 struct search {
@@ -96,7 +98,7 @@ static int strongest_first(const void *a, const void *b)
 
 static int find_peaks(const struct search *s, struct peak **out, size_t *n)
 {
-    size_t capacity = 0;
+    size_t room = 0;
     *out = NULL;
     *n = 0;
     for (size_t v = 0, x = 0; v < grid_size(s->grid); v++, x++) {
@@ -104,13 +106,8 @@ static int find_peaks(const struct search *s, struct peak **out, size_t *n)
         if (s->volume[v] < s->threshold || !is_peak(s, v, x) ||
             (s->judge && !s->judge(s->judge_state, v)))
             continue;
-        if (*n == capacity) {
-            capacity = capacity ? 2 * capacity : 64;
-            struct peak *grown = realloc(*out, capacity * sizeof **out);
-            if (!grown)
-                return -ENOMEM;
-            *out = grown;
-        }
+        if (list_grow(out, *n, &room, sizeof **out))
+            return -ENOMEM;
         (*out)[(*n)++] = (struct peak){s->volume[v], (uint32_t)v};
     }
     if (*n)
