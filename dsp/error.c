@@ -3,6 +3,7 @@
 
 #include <stdarg.h>
 #include <stdio.h>
+#include <string.h>
 
 int error_say(struct error *e, int err, const char *format, ...)
 {
@@ -13,4 +14,16 @@ int error_say(struct error *e, int err, const char *format, ...)
         va_end(args);
     }
     return err;
+}
+
+void text_add(char *text, size_t size, const char *separator, const char *format, ...)
+{
+    size_t used = strlen(text);
+    va_list args;
+
+    used += (size_t)snprintf(text + used, size - used, "%s", used ? separator : "");
+    va_start(args, format);
+    if (used < size)
+        vsnprintf(text + used, size - used, format, args);
+    va_end(args);
 }

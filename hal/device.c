@@ -3,7 +3,6 @@
 
 #include <errno.h>
 #include <stdbool.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -19,11 +18,8 @@ const char *device_arg(const char *uri, const char *scheme)
 static const char *list_words(const char *const *words, char *out, size_t size)
 {
     out[0] = 0;
-    for (size_t i = 0; words[i]; i++) {
-        size_t n = strlen(out);
-        const char *joint = !i ? "" : words[i + 1] ? ", " : " or ";
-        snprintf(out + n, size - n, "%s%s", joint, words[i]);
-    }
+    for (size_t i = 0; words[i]; i++)
+        text_add(out, size, words[i + 1] ? ", " : " or ", "%s", words[i]);
     return out;
 }
 

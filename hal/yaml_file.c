@@ -172,8 +172,7 @@ static int check_enum(struct checker *c, const struct cyaml_schema_value *schema
         const char *name = schema->enumeration.strings[i].str;
         if (text && !strcmp(text, name))
             return 0;
-        size_t n = strlen(list);
-        snprintf(list + n, sizeof list - n, "%s%s", n ? ", " : "", name);
+        text_add(list, sizeof list, ", ", "%s", name);
     }
     return refuse(c, node, "expected one of %s, found %s", list, found(node, buffer));
 }
@@ -238,10 +237,8 @@ static int refuse_unknown(struct checker *c, const struct cyaml_schema_field *fi
                           const yaml_node_t *key)
 {
     char list[400] = "";
-    for (; fields->key; fields++) {
-        size_t n = strlen(list);
-        snprintf(list + n, sizeof list - n, "%s%s", n ? ", " : "", fields->key);
-    }
+    for (; fields->key; fields++)
+        text_add(list, sizeof list, ", ", "%s", fields->key);
     push_name(c, scalar_text(key) ? scalar_text(key) : "?");
     return refuse(c, key, "no such key; expected one of %s", list);
 }

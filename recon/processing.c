@@ -3,7 +3,6 @@
 
 #include <errno.h>
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -389,10 +388,8 @@ int processing_imager(struct imager **out, const struct processing *p, const cha
     int err = imager_create(out, &cfg, &reason);
     if (err == -ENOENT) {
         char known[256] = "", hint[NEAREST_HINT_SIZE];
-        for (const char *m = imager_methods(); *m; m += strlen(m) + 1) {
-            size_t used = strlen(known);
-            snprintf(known + used, sizeof known - used, "%s%s", used ? ", " : "", m);
-        }
+        for (const char *m = imager_methods(); *m; m += strlen(m) + 1)
+            text_add(known, sizeof known, ", ", "%s", m);
         return error_say(why, err, "method '%s': no such method; expected one of %s%s",
                          method, known, nearest_hint(hint, method, imager_methods()));
     }

@@ -2,7 +2,8 @@
 #include "hal/alsa/capability.h"
 
 #include <stdio.h>
-#include <string.h>
+
+#include "dsp/error.h"
 
 const unsigned alsa_rates_hz[ALSA_RATES] = {44100, 48000,  64000,  88200,
                                             96000, 128000, 176400, 192000};
@@ -95,20 +96,14 @@ int alsa_capability_read(struct alsa_capability *out, snd_pcm_t *pcm)
     return 0;
 }
 
-static void append(char *out, size_t size, const char *word)
-{
-    size_t n = strlen(out);
-    snprintf(out + n, size - n, "%s%s", n ? " " : "", word);
-}
-
 char *alsa_formats_text(const struct alsa_capability *c, char *out, size_t size)
 {
     out[0] = 0;
     for (int f = 0; f < SAMPLE_FORMATS; f++)
         if (c->formats[f])
-            append(out, size, sample_format_name((enum sample_format)f));
+            text_add(out, size, " ", "%s", sample_format_name((enum sample_format)f));
     if (!out[0])
-        append(out, size, "no format known here");
+        text_add(out, size, " ", "no format known here");
     return out;
 }
 
@@ -119,11 +114,11 @@ char *alsa_rates_text(const struct alsa_capability *c, char *out, size_t size)
     for (int i = 0; i < ALSA_RATES; i++) {
         snprintf(word, sizeof word, "%u", alsa_rates_hz[i]);
         if (c->rates[i])
-            append(out, size, word);
+            text_add(out, size, " ", "%s", word);
     }
     snprintf(word, sizeof word, "%u..%u", c->rate_min_hz, c->rate_max_hz);
     if (!out[0])
-        append(out, size, word);
+        text_add(out, size, " ", "%s", word);
     return out;
 }
 

@@ -131,12 +131,12 @@ int alsa_devices_error_say(const char *device, bool capture, struct error *why)
 {
     struct alsa_device *all = NULL;
     char names[512] = "";
-    size_t n = 0, used = 0;
+    size_t n = 0;
     if (!alsa_devices_list(&all, &n))
-        for (size_t i = 0; i < n && used < sizeof names; i++)
+        for (size_t i = 0; i < n; i++)
             if (all[i].is_card && (capture ? all[i].capture : all[i].playback))
-                used += (size_t)snprintf(names + used, sizeof names - used, "%s%s",
-                                         used ? ", " : "there are ", all[i].name);
+                text_add(names, sizeof names, ", ", "%s%s", names[0] ? "" : "there are ",
+                         all[i].name);
     free(all);
     return error_say(why, -ENOENT, "%s: %s: no such device; %s", device,
                      capture ? "capture" : "playback",

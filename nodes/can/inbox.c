@@ -5,6 +5,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "dsp/error.h"
 #include "msgs/can/frames.h"
 #include "recon/ego.h"
 #include "recon/walls/walls.h"
@@ -320,15 +321,14 @@ static void describe(const struct inbox *i, size_t input, char *text, size_t siz
 void inbox_text(const struct inbox *i, char *text, size_t size)
 {
     char one[64];
-    size_t used = 0;
 
     text[0] = '\0';
-    for (size_t k = 0; k < INBOX_INPUTS && used < size; k++) {
+    for (size_t k = 0; k < INBOX_INPUTS; k++) {
         enum e2e_state state = i->trust[k].sm.state;
         if (state != E2E_INIT && state != E2E_INVALID)
             continue;
         describe(i, k, one, sizeof one);
-        used += (size_t)snprintf(text + used, size - used, "%s%s", used ? ", " : "", one);
+        text_add(text, size, ", ", "%s", one);
     }
 }
 

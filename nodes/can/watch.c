@@ -5,6 +5,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "dsp/error.h"
 #include "nodes/rt/node.h"
 
 /* The rows of the table in watch.h: when each fault is there, and what it does to the
@@ -554,13 +555,11 @@ void watch_text(const struct watch *w, char *text, size_t size)
         [CAN_FAULT_ELEMENTS_MOVED] = "microphones or speakers that have moved",
         [CAN_FAULT_INTERFERENCE] = "another array or a steady tone is heard",
     };
-    size_t used = 0;
 
     text[0] = '\0';
-    for (int f = 0; f < CAN_FAULTS && used < size; f++)
+    for (int f = 0; f < CAN_FAULTS; f++)
         if (w->faults & 1u << f)
-            used += (size_t)snprintf(text + used, size - used, "%s%s", used ? ", " : "",
-                                     names[f]);
+            text_add(text, size, ", ", "%s", names[f]);
 }
 
 double watch_temperature_c(const struct watch *w)

@@ -3,7 +3,6 @@
 
 #include <errno.h>
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -322,7 +321,7 @@ static size_t list_covered(const struct self_test *t, size_t n,
 static void add_moved(struct dsp *d, bool speaker, size_t i,
                       const struct displacement_of *of)
 {
-    size_t n = d->sensing.n_moved, used = strlen(d->moved_text);
+    size_t n = d->sensing.n_moved;
 
     if (!of->moved || n == MAX_MOVED)
         return;
@@ -338,8 +337,9 @@ static void add_moved(struct dsp *d, bool speaker, size_t i,
     m->sigma_m = of->sigma_m;
     m->placed = of->placed;
     d->sensing.n_moved++;
-    snprintf(d->moved_text + used, sizeof d->moved_text - used, "%s%s %zu",
-             used ? ", " : "moved: ", speaker ? "speaker" : "microphone", i + 1);
+    text_add(d->moved_text, sizeof d->moved_text, ", ", "%s%s %zu",
+             d->moved_text[0] ? "" : "moved: ", speaker ? "speaker" : "microphone",
+             i + 1);
 }
 
 static void list_moved(struct dsp *d, const struct self_test *t)

@@ -7,6 +7,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "dsp/error.h"
 #include "msgs/clock.pb-c.h"
 
 #define CLOCK_PERIOD_NS 200000000LL
@@ -233,19 +234,16 @@ int play_run(struct node *node, struct playback *p, const struct play_control *c
 
 void play_summary(const struct playback_status *s, char *text, size_t size)
 {
-    int n = snprintf(text, size, "%" PRIu64 " messages of %.1f s", s->messages,
-                     1e-9 * (double)(s->end_ns - s->start_ns));
-
-    if (s->pings.played && n > 0 && (size_t)n < size)
-        n += snprintf(text + n, size - (size_t)n,
-                      "; %" PRIu64 " pings, %" PRIu64 " used, %" PRIu64
-                      " without a use, %" PRIu64 " without a receipt; %" PRIu64 " list%s",
-                      s->pings.played, s->pings.used, s->pings.unused, s->pings.missing,
-                      s->lists, s->lists == 1 ? "" : "s");
-    if (s->lost && n > 0 && (size_t)n < size)
-        n += snprintf(text + n, size - (size_t)n, "; %" PRIu64 " lost on the way",
-                      s->lost);
-    if (s->malformed && n > 0 && (size_t)n < size)
-        snprintf(text + n, size - (size_t)n, "; %" PRIu64 " that were none, left out",
-                 s->malformed);
+    snprintf(text, size, "%" PRIu64 " messages of %.1f s", s->messages,
+             1e-9 * (double)(s->end_ns - s->start_ns));
+    if (s->pings.played)
+        text_add(text, size, "; ",
+                 "%" PRIu64 " pings, %" PRIu64 " used, %" PRIu64
+                 " without a use, %" PRIu64 " without a receipt; %" PRIu64 " list%s",
+                 s->pings.played, s->pings.used, s->pings.unused, s->pings.missing,
+                 s->lists, s->lists == 1 ? "" : "s");
+    if (s->lost)
+        text_add(text, size, "; ", "%" PRIu64 " lost on the way", s->lost);
+    if (s->malformed)
+        text_add(text, size, "; ", "%" PRIu64 " that were none, left out", s->malformed);
 }

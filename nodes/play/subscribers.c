@@ -4,6 +4,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "dsp/error.h"
+
 void subscribers_init(struct subscribers *a,
                       bool (*speaks)(const void *ctx, const char *node,
                                      const struct topic *t),
@@ -76,21 +78,12 @@ static bool is_ready(const struct listener *l)
 
 bool subscribers_is_ready(const struct subscribers *a, char *text, size_t size)
 {
-    bool all = true;
-    size_t used = 0;
-
-    if (size)
-        text[0] = '\0';
-    for (size_t i = 0; i < a->n; i++) {
-        if (is_ready(&a->list[i]))
-            continue;
-        int n = used < size ? snprintf(text + used, size - used, "%s%s",
-                                       all ? "waits for " : ", ", a->list[i].name)
-                            : 0;
-        used += (size_t)n;
-        all = false;
-    }
-    return all;
+    text[0] = '\0';
+    for (size_t i = 0; i < a->n; i++)
+        if (!is_ready(&a->list[i]))
+            text_add(text, size, ", ", "%s%s", text[0] ? "" : "waits for ",
+                     a->list[i].name);
+    return !text[0];
 }
 
 bool subscribers_progress(struct subscribers *a, const char *name,

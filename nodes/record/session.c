@@ -9,6 +9,7 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "dsp/error.h"
 #include "msgs/bag/manifest.h"
 #include "nodes/record/pairs.h"
 #include "nodes/record/revision.h"
@@ -59,9 +60,8 @@ static int add_input(struct session *s, char *path, const char *launch,
     free(path);
     if (!err || err == -ENOMEM || err == -EISDIR)
         return err == -ENOMEM ? err : 0;
-    size_t used = strlen(left_out->text);
-    snprintf(left_out->text + used, sizeof left_out->text - used, "%s%.*s",
-             used ? "; " : "", LEFT_OUT_SIZE, reason.text);
+    text_add(left_out->text, sizeof left_out->text, "; ", "%.*s", LEFT_OUT_SIZE,
+             reason.text);
     return 0;
 }
 

@@ -4,7 +4,6 @@
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
@@ -429,15 +428,13 @@ static int write_file(const struct report *r, int which, const char *folder,
 static int write_files(const struct report *r, const char *folder, char *failed,
                        size_t size)
 {
-    size_t used = 0;
     int first = 0;
 
     for (int i = 0; i < N_FILES; i++) {
         int err = write_file(r, i, folder, NULL);
         if (!err)
             continue;
-        used += (size_t)snprintf(failed + used, size - used, "%s%s", first ? ", " : "",
-                                 file_names[i]);
+        text_add(failed, size, ", ", "%s", file_names[i]);
         first = first ? first : err;
     }
     return first;

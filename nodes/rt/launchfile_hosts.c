@@ -2,20 +2,10 @@
 #include "nodes/rt/launchfile_hosts.h"
 
 #include <errno.h>
-#include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 
+#include "dsp/error.h"
 #include "msgs/keys.h"
-
-static void list_names(const struct hosts *h, char *text, size_t size)
-{
-    size_t used = 0;
-
-    for (size_t i = 0; i < h->n && used < size; i++)
-        used += (size_t)snprintf(text + used, size - used, "%s%s", i ? ", " : "",
-                                 h->list[i].name);
-}
 
 int launchfile_choose_host(struct launchfile *l, const char *name, struct error *why)
 {
@@ -28,7 +18,8 @@ int launchfile_choose_host(struct launchfile *l, const char *name, struct error 
         return error_say(why, -EINVAL,
                          "--host %s: %s has no hosts, all is on one machine", name,
                          l->path);
-    list_names(&l->hosts, names, sizeof names);
+    for (size_t i = 0; i < l->hosts.n; i++)
+        text_add(names, sizeof names, ", ", "%s", l->hosts.list[i].name);
     if (!name)
         return error_say(why, -EINVAL,
                          "%s is for several hosts: which one is this? "

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "dsp/error.h"
 #include "msgs/convert.h"
 #include "nodes/rt/round_check.h"
 #include "nodes/scan/peers.h"
@@ -61,12 +62,10 @@ void rounds_text(const struct rounds *t, int64_t now_ns, char *out, size_t size)
         snprintf(out, size, "waits for the first ping");
         return;
     }
-    int n = snprintf(out, size, "%.1f frames/s, %.1f pings/s",
-                     t->n_speakers ? rate / (double)t->n_speakers : 0.0, rate);
-
-    if (t->all_void && n > 0 && (size_t)n < size)
-        snprintf(out + n, size - (size_t)n, "; %llu void",
-                 (unsigned long long)t->all_void);
+    snprintf(out, size, "%.1f frames/s, %.1f pings/s",
+             t->n_speakers ? rate / (double)t->n_speakers : 0.0, rate);
+    if (t->all_void)
+        text_add(out, size, "; ", "%llu void", (unsigned long long)t->all_void);
 }
 
 #define QUIET_NS 1000000000LL /* after the last ping of a recording */

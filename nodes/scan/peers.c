@@ -4,6 +4,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "dsp/error.h"
+
 void peers_init(struct peers *p, const char *const *names, size_t n, double silence_s)
 {
     memset(p, 0, sizeof *p);
@@ -60,21 +62,12 @@ static bool is_ready(const struct peers *p, const struct peer *peer, int64_t now
 /* All there and ready?  Else text[size] says who is waited for. */
 static bool peers_ready(const struct peers *p, int64_t now_ns, char *text, size_t size)
 {
-    bool all = true;
-    size_t used = 0;
-
-    if (size)
-        text[0] = '\0';
-    for (size_t i = 0; i < p->n; i++) {
-        if (is_ready(p, &p->list[i], now_ns))
-            continue;
-        int n = used < size ? snprintf(text + used, size - used, "%s%s",
-                                       all ? "waits for " : ", ", p->list[i].name)
-                            : 0;
-        used += (size_t)n;
-        all = false;
-    }
-    return all;
+    text[0] = '\0';
+    for (size_t i = 0; i < p->n; i++)
+        if (!is_ready(p, &p->list[i], now_ns))
+            text_add(text, size, ", ", "%s%s", text[0] ? "" : "waits for ",
+                     p->list[i].name);
+    return !text[0];
 }
 
 bool peers_heard(const struct peers *p, int64_t now_ns, int64_t within_ns)

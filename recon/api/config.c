@@ -2,6 +2,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "dsp/error.h"
 #include "recon/api/api.h"
 
 #define MOST_THREADS POOL_MAX_THREADS
@@ -116,11 +117,8 @@ static int take_names(struct api_config *p, const struct anlos_config *c,
                         c->compression ? c->compression : "(NULL)");
     if (!c->method || !imager_has_method(c->method)) {
         char known[256] = "";
-        for (size_t i = 0; anlos_method(i); i++) {
-            size_t used = strlen(known);
-            snprintf(known + used, sizeof known - used, "%s%s", used ? ", " : "",
-                     anlos_method(i));
-        }
+        for (size_t i = 0; anlos_method(i); i++)
+            text_add(known, sizeof known, ", ", "%s", anlos_method(i));
         return api_fail(why, ANLOS_INVALID,
                         "configuration: method '%s', expected one of %s",
                         c->method ? c->method : "(NULL)", known);
@@ -206,10 +204,8 @@ const char *anlos_option(size_t i, const char **help, char *methods, size_t meth
         *help = o->help;
     if (methods && methods_size) {
         methods[0] = 0;
-        for (const char *m = o->methods; *m; m += strlen(m) + 1) {
-            size_t used = strlen(methods);
-            snprintf(methods + used, methods_size - used, "%s%s", used ? ", " : "", m);
-        }
+        for (const char *m = o->methods; *m; m += strlen(m) + 1)
+            text_add(methods, methods_size, ", ", "%s", m);
     }
     return o->name;
 }

@@ -3,10 +3,9 @@
 
 #include <errno.h>
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 
+#include "dsp/error.h"
 #include "recon/api/api.h"
 #include "recon/processing.h"
 
@@ -103,10 +102,8 @@ int anlos_pipeline_survey(struct anlos_pipeline *p, const struct anlos_survey *s
 
 static void add_note(struct anlos_pipeline *p, const char *text)
 {
-    size_t used = strlen(p->note);
-
     if (text[0])
-        snprintf(p->note + used, sizeof p->note - used, "%s%s", used ? "; " : "", text);
+        text_add(p->note, sizeof p->note, "; ", "%s", text);
 }
 
 static void count_front(struct anlos_pipeline *p, const struct frontend_output *front)

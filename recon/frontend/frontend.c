@@ -334,12 +334,11 @@ static void notice_faults(struct frontend *f, size_t mic,
                   {summary->clipped, "is clipped"}};
 
     for (unsigned i = 0; i < sizeof faults / sizeof *faults; i++) {
-        size_t used = strlen(out->note);
         if (!faults[i].is || f->noticed[mic] & 1u << i)
             continue;
         f->noticed[mic] |= 1u << i;
-        snprintf(out->note + used, sizeof out->note - used, "%smicrophone %zu %s",
-                 used ? "; " : "", mic + 1, faults[i].text);
+        text_add(out->note, sizeof out->note, "; ", "microphone %zu %s", mic + 1,
+                 faults[i].text);
     }
 }
 

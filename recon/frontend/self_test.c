@@ -288,22 +288,13 @@ static bool is_deaf(const struct self_test *t, size_t mic)
     return t->microphones[mic].missed >= t->patience && !t->microphones[mic].covered;
 }
 
-static void add_note(char *note, size_t size, const char *format, size_t channel)
-{
-    size_t used = strlen(note);
-
-    used += (size_t)snprintf(note + used, size - used, "%s", used ? "; " : "");
-    if (used < size)
-        snprintf(note + used, size - used, format, channel);
-}
-
 /* Cover comes and goes. */
 static void notice_cover(struct self_test *t, char *note, size_t size)
 {
     for (size_t m = 0; m < t->survey->n_microphones; m++) {
         struct microphone_state *state = &t->microphones[m];
         if (state->covered != state->covered_said)
-            add_note(note, size,
+            text_add(note, size, "; ",
                      state->covered ? "microphone %zu is covered"
                                     : "microphone %zu is not covered any more",
                      m + 1);
@@ -312,7 +303,7 @@ static void notice_cover(struct self_test *t, char *note, size_t size)
     for (size_t j = 0; j < t->survey->n_speakers; j++) {
         struct speaker_state *state = &t->speakers[j];
         if (state->covered != state->covered_said)
-            add_note(note, size,
+            text_add(note, size, "; ",
                      state->covered ? "speaker %zu is covered"
                                     : "speaker %zu is not covered any more",
                      j + 1);
@@ -335,20 +326,18 @@ static void notice_one(const char *kind, size_t i, const struct displacement_of 
                        bool *said, char *note, size_t size)
 {
     char text[160];
-    size_t used = strlen(note);
 
     if (d->moved == *said)
         return;
     *said = d->moved;
     describe(d, text, sizeof text);
     if (d->moved)
-        snprintf(note + used, size - used,
-                 d->at_start ? "%s%s %zu stands beside where the survey has it by %s"
-                             : "%s%s %zu has moved by %s",
-                 used ? "; " : "", kind, i + 1, text);
+        text_add(note, size, "; ",
+                 d->at_start ? "%s %zu stands beside where the survey has it by %s"
+                             : "%s %zu has moved by %s",
+                 kind, i + 1, text);
     else
-        snprintf(note + used, size - used, "%s%s %zu stands where it stood again",
-                 used ? "; " : "", kind, i + 1);
+        text_add(note, size, "; ", "%s %zu stands where it stood again", kind, i + 1);
 }
 
 static void notice_moves(struct self_test *t, char *note, size_t size)
@@ -368,13 +357,13 @@ static void notice(struct self_test *t, double least, char *note, size_t size)
         if (!is_deaf(t, m) || t->microphones[m].said)
             continue;
         t->microphones[m].said = true;
-        add_note(note, size, "microphone %zu hears no speaker", m + 1);
+        text_add(note, size, "; ", "microphone %zu hears no speaker", m + 1);
     }
     for (size_t j = 0; j < t->survey->n_speakers; j++) {
         if (!is_mute(t, j, least) || t->speakers[j].said)
             continue;
         t->speakers[j].said = true;
-        add_note(note, size, "no microphone hears speaker %zu", j + 1);
+        text_add(note, size, "; ", "no microphone hears speaker %zu", j + 1);
     }
     notice_cover(t, note, size);
     notice_moves(t, note, size);

@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "dsp/error.h"
 #include "recon/imaging/imager.h"
 
 #define AT(field) offsetof(struct imager_options, field)
@@ -76,13 +77,6 @@ static unsigned bit(const struct imager_option *option)
 /* -- words ------------------------------------------------------------------------------
  */
 
-/* Adds a word to a list with commas. */
-static void append(char *text, size_t size, const char *word)
-{
-    size_t used = strlen(text);
-    snprintf(text + used, size - used, "%s%s", used ? ", " : "", word);
-}
-
 /* Those a base can be. */
 static bool is_base(const char *method)
 {
@@ -96,14 +90,14 @@ void imager_option_range(const struct imager_option *option, char *text, size_t 
     case IMAGER_OPTION_METHOD:
         for (const char *m = imager_methods(); *m; m += strlen(m) + 1)
             if (is_base(m))
-                append(text, size, m);
+                text_add(text, size, ", ", "%s", m);
         break;
     case IMAGER_OPTION_SWITCH:
         snprintf(text, size, "yes, no");
         break;
     case IMAGER_OPTION_CHOICE:
         for (size_t i = 0; i < COUNT(choices); i++)
-            append(text, size, choices[i]);
+            text_add(text, size, ", ", "%s", choices[i]);
         break;
     default:
         snprintf(text, size, "%g to %g", option->min, option->max);
@@ -218,7 +212,7 @@ int imager_option_set(struct imager_options *o, const char *text, char *why, siz
     char list[256] = "";
     if (!option) {
         for (const struct imager_option *i = imager_option_table; i->name; i++)
-            append(list, sizeof list, i->name);
+            text_add(list, sizeof list, ", ", "%s", i->name);
         snprintf(why, size, "%.*s: no such option; expected one of %s", (int)n, text,
                  list);
         return -EINVAL;
@@ -300,7 +294,7 @@ int imager_options_check(const struct imager_options *o, const char *method, cha
         if (!(o->given & bit(i)) || imager_option_concerns(i, o, method))
             continue;
         for (const char *m = i->methods; *m; m += strlen(m) + 1)
-            append(list, sizeof list, m);
+            text_add(list, sizeof list, ", ", "%s", m);
         snprintf(why, size, "%s: method '%s' does not use it; it is for %s", i->name,
                  method, list);
         return -EINVAL;

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "dsp/rank.h"
 #include "recon/static_array/bodies.h"
 
 #define REACH_M 0.15 /* what stands above the array comes nearer more slowly, */
@@ -74,12 +75,6 @@ static size_t reach_of(const struct grid *g, int axis, double reach_m)
     return (size_t)fmin(ceil(reach_m / g->step_m[axis]), (double)g->n[axis]);
 }
 
-static int by_value(const void *a, const void *b)
-{
-    float x = *(const float *)a, y = *(const float *)b;
-    return (x > y) - (x < y);
-}
-
 static float noise_of(const float *image, size_t n)
 {
     float sample[SAMPLES];
@@ -88,8 +83,7 @@ static float noise_of(const float *image, size_t n)
     for (size_t i = 0; i < n; i += step)
         if (image[i] > 0.0f)
             sample[count++] = image[i];
-    qsort(sample, count, sizeof *sample, by_value);
-    return count ? sample[count / 2] : 0.0f;
+    return count ? rank_smallest(sample, count, count / 2 + 1) : 0.0f;
 }
 
 static void keep(struct clutter_map *c, const float *image, int64_t stamp_ns)

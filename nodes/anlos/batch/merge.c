@@ -11,6 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "dsp/error.h"
 #include "dsp/list.h"
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/export.h"
@@ -489,8 +490,7 @@ static void put_tags(FILE *f, const json_t *line)
 
     json_array_foreach(json_object_get(line, "tags"), i, tag)
     {
-        size_t n = strlen(all);
-        snprintf(all + n, sizeof all - n, "%s%s", i ? " " : "", json_string_value(tag));
+        text_add(all, sizeof all, " ", "%s", json_string_value(tag));
     }
     put_field(f, all);
 }

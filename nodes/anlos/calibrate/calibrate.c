@@ -10,6 +10,7 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "dsp/error.h"
 #include "hal/stage.h"
 #include "hal/survey/calibration.h"
 #include "nodes/anlos/commands.h"
@@ -30,11 +31,9 @@ const char *state_print(unsigned faults, char out[STATE_SIZE])
                  {CALIBRATION_CLIPPED, "clipped"},
                  {CALIBRATION_NOISY, "noisy"}};
     out[0] = 0;
-    for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
-        size_t n = strlen(out);
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++)
         if (faults & names[i].fault)
-            snprintf(out + n, STATE_SIZE - n, "%s%s", n ? ", " : "", names[i].name);
-    }
+            text_add(out, STATE_SIZE, ", ", "%s", names[i].name);
     return out[0] ? out : strcpy(out, "good");
 }
 

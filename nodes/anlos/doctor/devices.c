@@ -7,6 +7,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "dsp/error.h"
 #include "hal/alsa/devices.h"
 #include "hal/array.h"
 #include "hal/can/errors.h"
@@ -22,42 +23,20 @@
 
 #define ARPHRD_CAN_TEXT "280" /* of /sys/class/net/NAME/type */
 
-struct names {
-    size_t n;
-    char text[600];
-};
-
-static void add_name(struct names *l, const char *format, const char *name)
-{
-    size_t used = strlen(l->text);
-
-    used +=
-        (size_t)snprintf(l->text + used, sizeof l->text - used, "%s", l->n++ ? ", " : "");
-    if (used < sizeof l->text)
-        snprintf(l->text + used, sizeof l->text - used, format, name);
-}
-
-static void say(struct findings *f, const char *area, const char *what,
-                const struct names *l)
-{
-    if (l->n)
-        finding_add(f, FINDING_OK, area, "%s: %s", what, l->text);
-    else
-        finding_add(f, FINDING_OK, area, "%s: none", what);
-}
+#define NAMES_SIZE 600
 
 static void look_at_cards(struct findings *f)
 {
     struct alsa_device *devices = NULL;
-    struct names found = {0};
+    char found[NAMES_SIZE] = "";
     size_t n = 0;
 
     alsa_devices_list(&devices, &n);
     for (size_t i = 0; i < n; i++)
         if (devices[i].is_card)
-            add_name(&found, "%.120s", devices[i].name);
+            text_add(found, sizeof found, ", ", "%.120s", devices[i].name);
     free(devices);
-    say(f, "array", "sound cards", &found);
+    finding_add(f, FINDING_OK, "array", "sound cards: %s", found[0] ? found : "none");
 }
 
 static bool is_can(const char *interface)
@@ -81,15 +60,15 @@ static bool is_serial(const char *name)
 static void look_into(struct findings *f, const char *folder,
                       bool (*wanted)(const char *), const char *area, const char *what)
 {
-    struct names found = {0};
+    char found[NAMES_SIZE] = "";
     DIR *d = opendir(folder);
 
     for (struct dirent *e = d ? readdir(d) : NULL; e; e = readdir(d))
         if (wanted(e->d_name))
-            add_name(&found, "%.60s", e->d_name);
+            text_add(found, sizeof found, ", ", "%.60s", e->d_name);
     if (d)
         closedir(d);
-    say(f, area, what, &found);
+    finding_add(f, FINDING_OK, area, "%s: %s", what, found[0] ? found : "none");
 }
 
 void doctor_present(const void *ctx, struct findings *f)

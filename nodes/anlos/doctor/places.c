@@ -17,6 +17,7 @@
 #include <unistd.h>
 #include <zstd.h>
 
+#include "dsp/error.h"
 #include "msgs/endpoint.h"
 #include "msgs/topics.h"
 #include "nodes/anlos/doctor/doctor.h"
@@ -51,9 +52,8 @@ static void look_at_programs(struct findings *f)
         snprintf(path, sizeof path, "%s/anlos-%s", folder, *node);
         if (!access(path, X_OK))
             continue;
-        size_t used = strlen(missing);
-        snprintf(missing + used, sizeof missing - used, "%sanlos-%s",
-                 n_missing++ ? ", " : "", *node);
+        n_missing++;
+        text_add(missing, sizeof missing, ", ", "anlos-%s", *node);
     }
     if (!n_missing) {
         finding_add(f, FINDING_OK, "programs", "all %zu of the nodes are in %s", n,
@@ -291,10 +291,8 @@ void doctor_launch(const void *ctx, struct findings *f)
         finding_todo(f, "set that right; launch/demo.yaml is one that works");
         return;
     }
-    for (unsigned i = 0; i < l->n_nodes; i++) {
-        size_t used = strlen(nodes);
-        snprintf(nodes + used, sizeof nodes - used, "%s%s", i ? ", " : "", l->nodes[i]);
-    }
+    for (unsigned i = 0; i < l->n_nodes; i++)
+        text_add(nodes, sizeof nodes, ", ", "%s", l->nodes[i]);
     finding_add(f, FINDING_OK, "launch", "%s: %s", d->launch, nodes);
     look_at_host(d, l, f);
     if (doctor_runs(d, l, "report"))

@@ -9,6 +9,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "dsp/error.h"
 #include "dsp/nearest.h"
 #include "nodes/anlos/confocal/confocal.h"
 #include "nodes/anlos/recon/auto.h"
@@ -384,10 +385,8 @@ static int take_method(struct recon_options *o, const char *command)
     if (imager_has_method(optarg) || confocal_has_method(optarg) ||
         !strcmp(optarg, recon_auto_name))
         return 0;
-    for (const char *m = imager_methods(); *m; m += strlen(m) + 1) {
-        size_t used = strlen(known);
-        snprintf(known + used, sizeof known - used, "%s%s", used ? ", " : "", m);
-    }
+    for (const char *m = imager_methods(); *m; m += strlen(m) + 1)
+        text_add(known, sizeof known, ", ", "%s", m);
     return usage_error(command, "--method %s: no such method; expected one of %s%s",
                        optarg, known, nearest_hint(hint, optarg, imager_methods()));
 }

@@ -325,14 +325,12 @@ static void warn_spare(json_t *warnings, const struct recon_job *job)
 static void warn_band(json_t *warnings, const struct traces_file *t)
 {
     char islands[(TRACES_MAX_CUT + 1) * 32] = "";
-    size_t used = 0;
 
     for (size_t i = 0; i < t->n_cut && i < TRACES_MAX_CUT; i++)
-        used += (size_t)snprintf(islands + used, sizeof islands - used, "%s%.3g to %.3g",
-                                 i ? ", " : "", 1e-3 * t->cut[i].from_hz,
-                                 1e-3 * t->cut[i].to_hz);
+        text_add(islands, sizeof islands, ", ", "%.3g to %.3g", 1e-3 * t->cut[i].from_hz,
+                 1e-3 * t->cut[i].to_hz);
     if (t->n_cut > TRACES_MAX_CUT)
-        snprintf(islands + used, sizeof islands - used, " and more");
+        text_add(islands, sizeof islands, " ", "and more");
     if (t->n_cut)
         warn(warnings,
              "%.0f %% of the power is at %s kHz and as loud at all times, as noise is: "

@@ -2,7 +2,6 @@
 #include "nodes/anlos/speed_error/names.h"
 
 #include <errno.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -34,10 +33,9 @@ char *bench_names_split(const char *text)
 
 static void join_names(char *text, size_t size, const char *names)
 {
-    size_t used = 0;
     text[0] = 0;
-    for (const char *m = names; *m && used < size; m += strlen(m) + 1)
-        used += (size_t)snprintf(text + used, size - used, "%s%s", used ? ", " : "", m);
+    for (const char *m = names; *m; m += strlen(m) + 1)
+        text_add(text, size, ", ", "%s", m);
 }
 
 int bench_names_check(const char *what, const char *names, const char *known,

@@ -10,6 +10,7 @@
 #include <string.h>
 #include <sys/utsname.h>
 
+#include "dsp/error.h"
 #include "nodes/anlos/recon/auto.h"
 #include "nodes/anlos/speed_error/results.h"
 #include "nodes/anlos/usage.h"
@@ -57,35 +58,28 @@ static void bench_machine(char *text, size_t size)
 
 void bench_table_setting(const struct bench_case *c, char *text, size_t size)
 {
-    size_t used = 0;
     if (c->in_time_of_fast && !(c->budget_s > 0.0))
-        used = (size_t)snprintf(text, size, "in the time of fast");
+        snprintf(text, size, "in the time of fast");
     else if (c->in_time_of_fast)
-        used = (size_t)snprintf(text, size, "in the time of fast, %.0f ms",
-                                1e3 * c->budget_s);
+        snprintf(text, size, "in the time of fast, %.0f ms", 1e3 * c->budget_s);
     else if (c->budget_s > 0.0)
-        used = (size_t)snprintf(text, size, "within %g ms", 1e3 * c->budget_s);
+        snprintf(text, size, "within %g ms", 1e3 * c->budget_s);
     else if (c->error_m > 0.0)
-        used = (size_t)snprintf(text, size, "error %g cm", 100.0 * c->error_m);
+        snprintf(text, size, "error %g cm", 100.0 * c->error_m);
     else if (!strcmp(c->method, recon_auto_name))
-        used = (size_t)snprintf(text, size, "no goal");
+        snprintf(text, size, "no goal");
     else
-        used = (size_t)snprintf(text, size, "step %.2f", c->step);
-    if (c->speaker_stride > 1 && used < size)
-        used += (size_t)snprintf(text + used, size - used, ", 1/%zu of the speakers",
-                                 c->speaker_stride);
-    if (c->position_stride > 1 && used < size)
-        used += (size_t)snprintf(text + used, size - used, ", 1/%zu of the positions",
-                                 c->position_stride);
-    if (c->band_hz[1] > 0.0 && used < size)
-        used += (size_t)snprintf(text + used, size - used, ", %g-%g kHz",
-                                 1e-3 * c->band_hz[0], 1e-3 * c->band_hz[1]);
-    if (c->iterations && used < size)
-        used +=
-            (size_t)snprintf(text + used, size - used, ", %zu iterations", c->iterations);
-    if (used < size)
-        snprintf(text + used, size - used, ", %zu thread%s", c->threads,
-                 c->threads == 1 ? "" : "s");
+        snprintf(text, size, "step %.2f", c->step);
+    if (c->speaker_stride > 1)
+        text_add(text, size, ", ", "1/%zu of the speakers", c->speaker_stride);
+    if (c->position_stride > 1)
+        text_add(text, size, ", ", "1/%zu of the positions", c->position_stride);
+    if (c->band_hz[1] > 0.0)
+        text_add(text, size, ", ", "%g-%g kHz", 1e-3 * c->band_hz[0],
+                 1e-3 * c->band_hz[1]);
+    if (c->iterations)
+        text_add(text, size, ", ", "%zu iterations", c->iterations);
+    text_add(text, size, ", ", "%zu thread%s", c->threads, c->threads == 1 ? "" : "s");
 }
 
 static void put_row(FILE *f, const struct bench_result *r)

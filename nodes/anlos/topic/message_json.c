@@ -313,8 +313,7 @@ static int take_enum(const struct place *p, const json_t *j,
     }
     char all[160] = "";
     for (unsigned i = 0; i < d->n_values; i++)
-        snprintf(all + strlen(all), sizeof all - strlen(all), "%s%s", i ? ", " : "",
-                 d->values[i].name);
+        text_add(all, sizeof all, ", ", "%s", d->values[i].name);
     return error_say(p->why, -EINVAL, "%s: expected one of %s", p->path, all);
 }
 
@@ -505,8 +504,7 @@ static int no_field(const struct place *p, const char *name,
                          p->path, d->name, near);
     char all[256] = "";
     for (unsigned i = 0; i < d->n_fields; i++)
-        snprintf(all + strlen(all), sizeof all - strlen(all), "%s%s", i ? ", " : "",
-                 d->fields[i].name);
+        text_add(all, sizeof all, ", ", "%s", d->fields[i].name);
     return error_say(p->why, -EINVAL, "%s: %s has no such field; it has %s", p->path,
                      d->name, all);
 }
