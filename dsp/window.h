@@ -1,8 +1,10 @@
 /* SPDX-License-Identifier: MIT */
-/* dsp/window.h -- weights over a band or a slot, and soft ends of a recording. */
+/* dsp/window.h -- weights over a band or a slot and the pulse that they leave, and soft
+ * ends of a recording. */
 #ifndef ANLOS_DSP_WINDOW_H
 #define ANLOS_DSP_WINDOW_H
 
+#include <math.h>
 #include <stddef.h>
 
 enum window { WINDOW_RECTANGULAR, WINDOW_HANN, WINDOW_HAMMING };
@@ -17,5 +19,19 @@ double window_weight(enum window w, double x);
  * the first `head` samples and out over the last `tail`; where they meet, both count. out
  * may be x. */
 void taper_ends(const float *x, size_t n, size_t head, size_t tail, float *out);
+
+#define HANN_VARIANCE 0.0326727 /* of a window of width 1: 1 / 12 - 1 / (2 pi^2) */
+
+/* The pulse whose spectrum is a Hann window over a band of width 1, as compression leaves
+ * it, at a time x: sinc(x) / (1 - x^2). */
+static inline double window_hann_pulse(double x)
+{
+    double y = M_PI * x;
+    if (fabs(x) < 1e-6)
+        return 1.0;
+    if (fabs(fabs(x) - 1.0) < 1e-6)
+        return 0.5;
+    return sin(y) / (y * (1.0 - x * x));
+}
 
 #endif

@@ -17,7 +17,7 @@
 
 #include "dsp/error.h"
 #include "hal/clock.h"
-#include "hal/device_count.h"
+#include "hal/device.h"
 #include "recon/ping.h"
 #include "recon/survey.h"
 

@@ -15,7 +15,7 @@
 #include <stdint.h>
 
 #include "dsp/error.h"
-#include "hal/device_count.h"
+#include "hal/device.h"
 #include "msgs/can/frames.h"
 
 enum { CANBUS_MAX_COUNTS = 15 };

@@ -1,9 +1,11 @@
 /* SPDX-License-Identifier: MIT */
-/* hal/device.h -- the name of a device: "scheme:path?key=value&key=value". */
+/* hal/device.h -- the name of a device, "scheme:path?key=value&key=value", and what it
+ * counts. */
 #ifndef ANLOS_HAL_DEVICE_H
 #define ANLOS_HAL_DEVICE_H
 
 #include <stddef.h>
+#include <stdint.h>
 
 #include "dsp/error.h"
 
@@ -40,5 +42,14 @@ int device_number(const struct device *d, const char *key, double min, double ma
 int device_choice(const struct device *d, const char *key, const char *const *words,
                   struct error *why);
 void device_clear(struct device *d);
+
+enum { DEVICE_MAX_COUNTS = 40 };
+
+/* What befell it and was recovered from: overruns, retries, restarts of a bus.  Every
+ * node's health carries its device's. */
+struct device_count {
+    const char *name; /* "overruns"; lives as long as the device */
+    uint64_t value;   /* since the device was opened */
+};
 
 #endif

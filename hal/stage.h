@@ -16,7 +16,7 @@
 
 #include "dsp/error.h"
 #include "hal/clock.h"
-#include "hal/device_count.h"
+#include "hal/device.h"
 
 enum { STAGE_TEXT_SIZE = 160 };
 
@@ -51,7 +51,6 @@ struct stage_ops {
 extern const struct stage_ops stage_gpiod_ops;
 extern const struct stage_ops stage_zaber_ops;
 extern const struct stage_ops stage_sim_ops;
-extern const struct stage_ops stage_none_ops;
 
 struct stage;
 

@@ -3,6 +3,8 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -37,4 +39,14 @@ int text_file_open(FILE **out, const char *path, struct error *why)
         return error_say(why, -EINVAL, "%s: larger than %u MiB; expected a text file",
                          path, TEXT_FILE_MAX_SIZE >> 20);
     return err ? error_say(why, err, "%s: %s", path, strerror(-err)) : 0;
+}
+
+const char *decimal_print(double x, char out[DECIMAL_SIZE])
+{
+    for (int digits = 6; digits <= 17; digits++) {
+        snprintf(out, DECIMAL_SIZE, "%.*g", digits, x);
+        if (strtod(out, NULL) == x)
+            break;
+    }
+    return out;
 }

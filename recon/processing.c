@@ -6,7 +6,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "dsp/nearest.h"
 #include "recon/tail.h"
 
 #define GATE_NEAR_LEAST_M  0.3

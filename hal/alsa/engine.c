@@ -13,7 +13,7 @@
 #include <sys/eventfd.h>
 #include <unistd.h>
 
-#include "hal/alsa/capability.h"
+#include "hal/alsa/devices.h"
 #include "hal/alsa/stream.h"
 #include "hal/realtime.h"
 #include "hal/survey/firing.h"

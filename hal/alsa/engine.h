@@ -15,7 +15,7 @@
 #include "hal/alsa/slot_plan.h"
 #include "hal/array.h"
 #include "hal/clock.h"
-#include "hal/device_count.h"
+#include "hal/device.h"
 #include "hal/survey/rig_file.h"
 
 /* What the thread of a sound card has to tell: counts, whether the card is there, and

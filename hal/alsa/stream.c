@@ -5,7 +5,6 @@
 #include <limits.h>
 #include <stdlib.h>
 
-#include "hal/alsa/capability.h"
 #include "hal/alsa/devices.h"
 
 /* What is being set, and for whom. */

@@ -19,7 +19,7 @@
 #include "hal/canbus.h"
 #include "hal/device.h"
 #include "hal/room/room.h"
-#include "msgs/can/protection.h"
+#include "msgs/can/e2e.h"
 
 #define EGO_PERIOD_NS     20000000LL
 #define AMBIENT_PERIOD_NS 1000000000LL

@@ -13,7 +13,7 @@
 #include "hal/can/socket.h"
 #include "hal/canbus.h"
 #include "hal/device.h"
-#include "msgs/can/frame.h"
+#include "msgs/can/layout.h"
 
 /* Frames that have come and wait to be taken, the oldest first. */
 

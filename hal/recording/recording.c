@@ -14,9 +14,9 @@
 #include <unistd.h>
 
 #include "dsp/list.h"
-#include "hal/decimal.h"
 #include "hal/recording/riff.h"
 #include "hal/table_file.h"
+#include "hal/text_file.h"
 #include "recon/tail.h"
 
 enum { SAMPLE, SPEAKER, FRAME, DOWN, VALID, TIME, TEMPERATURE, N_COLUMNS };

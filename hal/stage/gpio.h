@@ -42,4 +42,14 @@ int gpio_inputs(struct gpio *g, unsigned *active);
 size_t gpio_poll(const struct gpio *g, struct pollfd *fds);
 void gpio_close(struct gpio *g);
 
+/* gpio_chip.c, for both: which device file a chip's name means. */
+enum { GPIO_CHIP_PATH_SIZE = 128 };
+
+/* chip: "/dev/gpiochip0", "gpiochip0" or a label, for which the kernel is asked.  0,
+ * -ENOENT. */
+int gpio_chip_path(char out[GPIO_CHIP_PATH_SIZE], const char *chip, struct error *why);
+
+/* A line given as a decimal number: its offset, or -1. */
+int gpio_chip_offset(const char *line);
+
 #endif

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "hal/stage/gpio_chip.h"
+#include "hal/stage/gpio.h"
 
 #include <dirent.h>
 #include <errno.h>

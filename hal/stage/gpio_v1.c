@@ -7,7 +7,6 @@
 #include <string.h>
 
 #include "hal/stage/gpio.h"
-#include "hal/stage/gpio_chip.h"
 
 struct gpio {
     struct gpiod_chip *chip;

@@ -6,7 +6,6 @@
 #include <string.h>
 
 #include "hal/stage/gpio.h"
-#include "hal/stage/gpio_chip.h"
 
 enum { BUFFER_EVENTS = 16 };
 

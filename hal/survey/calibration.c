@@ -9,8 +9,8 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "hal/decimal.h"
 #include "hal/survey/yaml.h"
+#include "hal/text_file.h"
 #include "hal/yaml_file.h"
 
 #define OPTIONAL CYAML_FLAG_OPTIONAL

@@ -10,10 +10,10 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "hal/decimal.h"
 #include "hal/recording/replica_file.h"
 #include "hal/survey/response_file.h"
 #include "hal/survey/yaml.h"
+#include "hal/text_file.h"
 #include "hal/yaml_file.h"
 #include "recon/walls/wall.h"
 

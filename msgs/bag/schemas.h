@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /* msgs/bag/schemas.h -- the schema that a bag names for each topic: "anlos.Ping" as a
  * protobuf file descriptor set with all that it imports, so that any MCAP tool can decode
- * the messages without us.  Built in; made by protoc-c (schemas.cmake). */
+ * the messages without us; and those of ASAM OSI and of Foxglove.  Built in; made by
+ * protoc-c (schemas.cmake). */
 #ifndef ANLOS_MSGS_BAG_SCHEMAS_H
 #define ANLOS_MSGS_BAG_SCHEMAS_H
 
@@ -25,7 +26,14 @@ struct bag_schema_entry {
     size_t size;
 };
 
-/* Ends with name == NULL. */
+/* Each ends with name == NULL. */
 extern const struct bag_schema_entry bag_schema_table[];
+extern const struct bag_schema_entry osi_schema_table[];      /* "osi3.SensorData" */
+extern const struct bag_schema_entry foxglove_schema_table[]; /* "foxglove.PointCloud" */
+
+#define OSI_MAJOR   3 /* whose names and numbers the schemas have */
+#define OSI_MINOR   7
+#define OSI_PATCH   0
+#define OSI_VERSION "3.7.0"
 
 #endif

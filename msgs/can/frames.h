@@ -4,7 +4,7 @@
  * header frame, one time frame, and for each object either a state, a dynamics and a
  * quality frame, or one FD frame; before these, where that is wanted, a motion frame.
  *
- * Packing leaves the bytes of the end-to-end protection 0: msgs/can/protection.h fills
+ * Packing leaves the bytes of the end-to-end protection 0: msgs/can/e2e.h fills
  * and checks them, when a frame is sent or has come. */
 #ifndef ANLOS_MSGS_CAN_FRAMES_H
 #define ANLOS_MSGS_CAN_FRAMES_H
@@ -13,7 +13,6 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "msgs/can/frame.h"
 #include "msgs/can/layout.h"
 
 #define CAN_MAX_OBJECTS       32

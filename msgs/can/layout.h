@@ -8,7 +8,13 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "msgs/can/frame.h"
+/* One CAN frame, classic or FD. */
+struct can_frame_data {
+    uint32_t id;
+    uint8_t size; /* 0..8; up to 64 when fd */
+    bool fd;
+    uint8_t data[64];
+};
 
 /* One signal of a frame: where its bits are, what they mean, and which member of a C
  * structure holds its value.  Intel byte order, physical = raw * factor + offset. */

@@ -11,7 +11,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "hal/device_count.h"
+#include "hal/device.h"
 #include "msgs/detections.pb-c.h"
 #include "msgs/envelope.h"
 #include "msgs/health.pb-c.h"

@@ -12,7 +12,6 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "dsp/nearest.h"
 #include "nodes/rt/json_whole.h"
 #include "nodes/rt/process.h"
 

@@ -14,7 +14,6 @@
 
 #include "hal/canbus.h"
 #include "msgs/can/e2e.h"
-#include "msgs/can/protection.h"
 #include "msgs/vehicle.pb-c.h"
 #include "msgs/wall.pb-c.h"
 

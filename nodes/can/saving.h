@@ -10,7 +10,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "hal/device_count.h"
+#include "hal/device.h"
 #include "msgs/can/frames.h"
 #include "msgs/save.pb-c.h"
 

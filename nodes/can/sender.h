@@ -9,9 +9,9 @@
 #include <stdint.h>
 
 #include "hal/canbus.h"
+#include "msgs/can/e2e.h"
 #include "msgs/can/frames.h"
 #include "msgs/can/load.h"
-#include "msgs/can/protection.h"
 #include "msgs/detections.pb-c.h"
 #include "msgs/survey.pb-c.h"
 

@@ -5,7 +5,7 @@
 #define ANLOS_NODES_CAN_UDS_SERVER_H
 
 #include "hal/can/isotp.h"
-#include "hal/device_count.h"
+#include "hal/device.h"
 #include "nodes/can/diagnosis.h"
 #include "nodes/can/trouble.h"
 #include "nodes/can/watch.h"

@@ -15,7 +15,6 @@
 #include "msgs/bag/schemas.h"
 #include "msgs/convert.h"
 #include "msgs/detections.pb-c.h"
-#include "msgs/foxglove/schema_table.h"
 #include "msgs/log.pb-c.h"
 #include "msgs/stage.pb-c.h"
 #include "nodes/foxglove/image.h"

@@ -17,7 +17,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "hal/device_count.h"
+#include "hal/device.h"
 #include "msgs/health.pb-c.h"
 #include "nodes/launcher/process_group.h"
 

@@ -6,7 +6,7 @@
 #include <math.h>
 #include <stdio.h>
 
-#include "hal/decimal.h"
+#include "hal/text_file.h"
 
 void pairs_text(struct pairs *p, const char *key, const char *value)
 {

@@ -4,8 +4,6 @@
 #include <errno.h>
 #include <string.h>
 
-#include "dsp/nearest.h"
-
 /* The value of option `name` at argv[*i], as "--name value" or "--name=value".  What
  * looks like the next option is none. */
 static const char *option_value(const char *name, int argc, char **argv, int *i)

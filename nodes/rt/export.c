@@ -13,7 +13,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "hal/decimal.h"
+#include "hal/text_file.h"
 #include "nodes/rt/json_whole.h"
 #include "nodes/rt/names.h"
 #include "recon/detection/objects.h"

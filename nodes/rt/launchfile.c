@@ -10,7 +10,6 @@
 
 #include <cyaml/cyaml.h>
 
-#include "dsp/nearest.h"
 #include "hal/yaml_file.h"
 #include "msgs/can/layout.h"
 #include "msgs/topics.h"

@@ -50,7 +50,7 @@ struct launchfile {
     unsigned n_nodes;
     struct {
         char *uri;       /* hal/array.h */
-        double person_m; /* recon/detection/detection_range.h: what a person's echo is
+        double person_m; /* recon/frontend/range_monitor.h: what a person's echo is
                             taken for */
     } array;
     struct {

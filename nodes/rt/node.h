@@ -10,7 +10,7 @@
 #include <stdint.h>
 
 #include "hal/clock.h"
-#include "hal/device_count.h"
+#include "hal/device.h"
 #include "msgs/bus.h"
 #include "msgs/health.pb-c.h"
 #include "nodes/rt/arguments.h"

@@ -6,7 +6,7 @@
 #include <stdbool.h>
 #include <stdlib.h>
 
-#include "recon/lines.h"
+#include "recon/imaging/fold.h"
 
 #define SAME_M    1e-3 /* coordinates closer than this are one line */
 #define MAX_CELLS 262144

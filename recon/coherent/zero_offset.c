@@ -13,8 +13,8 @@
 #include "recon/coherent/dmo.h"
 #include "recon/coherent/midpoint.h"
 #include "recon/coherent/stretch.h"
+#include "recon/imaging/fold.h"
 #include "recon/imaging/method.h"
-#include "recon/lines.h"
 
 #define MIN_SAMPLES 16 /* of an image, at least */
 

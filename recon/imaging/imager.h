@@ -27,6 +27,14 @@ struct imager_config {
 
 struct imager;
 
+#define TRACE_LOUDEST 1e13f
+
+/* Can a trace be summed with others?  One sample that is no number would spoil every
+ * voxel that it reaches, and in a Fourier transform all.  Both parts of all samples are
+ * numbers and below TRACE_LOUDEST: louder is no echo, and sums of its square would
+ * overflow. Cost: one pass. */
+bool trace_check(const float complex *trace, size_t n);
+
 /* "fast\0backprojection\0confocal\0lct\0paper\0incoherent\0iterative\0sparse\0": names,
  * each ended by a zero, an empty one at the end. */
 const char *imager_methods(void);
@@ -49,7 +57,7 @@ bool imager_adds(const char *name);
 int imager_create(struct imager **out, const struct imager_config *cfg, const char **why);
 
 /* traces [n_microphones][format.n_samples] of one ping; masked[n_microphones] may be
- * NULL.  A trace that recon/imaging/trace_check finds unfit counts as masked.  Threads
+ * NULL.  A trace that trace_check finds unfit counts as masked.  Threads
  * may add different pings at once.  A ping added twice counts once: the second is ignored
  * and false returned. */
 bool imager_add(struct imager *im, size_t position, size_t speaker,

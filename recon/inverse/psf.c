@@ -8,7 +8,7 @@
 #include <string.h>
 
 #include "dsp/normal_equations.h"
-#include "recon/hann.h"
+#include "dsp/window.h"
 #include "recon/inverse/symmetric.h"
 
 #define WIDTH_SIGMAS  2.35482 /* exp(-1/2 d^2) is above 1/2 over 2 sqrt(2 ln 2) */
@@ -95,7 +95,7 @@ static double level_at(const struct psf_config *cfg, const struct pair *pairs, s
             (geometry_distance(p->speaker, at) + geometry_distance(p->microphone, at)) /
                 cfg->geometry->sound_speed_m_s -
             p->delay_s;
-        double a = p->weight * hann_pulse(band_hz * late_s);
+        double a = p->weight * window_hann_pulse(band_hz * late_s);
         re += a * cos(middle * late_s);
         im += a * sin(middle * late_s);
     }

@@ -8,7 +8,7 @@
 #include <string.h>
 
 #include "dsp/vector.h"
-#include "recon/hann.h"
+#include "dsp/window.h"
 #include "recon/imaging/fold.h"
 
 #define FRACTIONS 512  /* steps of the pulse's table between two samples */
@@ -120,7 +120,7 @@ static void fill_tables(struct sparse_operator *s, double per_sample)
     for (size_t f = 0; f <= FRACTIONS; f++) {
         for (size_t k = 0; k < 2 * s->half; k++) {
             double at = (double)k - (double)(s->half - 1) - (double)f / FRACTIONS;
-            s->pulse[f * 2 * s->half + k] = (float)hann_pulse(at * per_sample);
+            s->pulse[f * 2 * s->half + k] = (float)window_hann_pulse(at * per_sample);
         }
     }
     for (size_t q = 0; q < s->n_lags; q++)

@@ -7,8 +7,8 @@
 #include <string.h>
 
 #include "dsp/normal_equations.h"
+#include "dsp/window.h"
 #include "recon/coherent/colocated.h"
-#include "recon/hann.h"
 #include "recon/imaging/coarse.h"
 #include "recon/imaging/fold.h"
 #include "recon/imaging/imager.h"

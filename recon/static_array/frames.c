@@ -10,7 +10,7 @@
 #include "dsp/vector.h"
 #include "recon/coherent/backproject_tile.h"
 #include "recon/imaging/fold.h"
-#include "recon/imaging/trace_check.h"
+#include "recon/imaging/imager.h"
 #include "recon/static_array/range_doppler.h"
 
 #define DRIFT_NS 20000000 /* over which an element's motion counts as straight */

@@ -8,7 +8,7 @@
 #include <sys/socket.h>
 
 #include "hal/canbus.h"
-#include "msgs/can/protection.h"
+#include "msgs/can/e2e.h"
 
 static char *read_text(const char *path)
 {

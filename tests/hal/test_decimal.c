@@ -8,7 +8,7 @@
 
 #include <cmocka.h>
 
-#include "hal/decimal.h"
+#include "hal/text_file.h"
 
 static void decimals_are_short_where_they_can_be(void **state)
 {

@@ -9,7 +9,7 @@
 #include "hal/canbus.h"
 #include "hal/clock.h"
 #include "msgs/bus.h"
-#include "msgs/can/protection.h"
+#include "msgs/can/e2e.h"
 #include "msgs/detections.pb-c.h"
 #include "msgs/health.pb-c.h"
 #include "msgs/topics.h"

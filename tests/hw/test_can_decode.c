@@ -17,8 +17,8 @@
 #include <cmocka.h>
 
 #include "hal/can/socket.h"
+#include "msgs/can/e2e.h"
 #include "msgs/can/frames.h"
-#include "msgs/can/protection.h"
 #include "nodes/anlos/commands.h"
 #include "tests/nodes/command.h"
 

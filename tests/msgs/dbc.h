@@ -10,7 +10,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "msgs/can/frame.h"
+#include "msgs/can/layout.h"
 
 #define DBC_FILE SOURCE_DIR "/msgs/can/anlos.dbc"
 

@@ -5,8 +5,8 @@
 #include <math.h>
 #include <stdio.h>
 
+#include "msgs/can/e2e.h"
 #include "msgs/can/frames.h"
-#include "msgs/can/protection.h"
 
 static struct can_protection protection = {.base = CAN_BASE_DEFAULT};
 

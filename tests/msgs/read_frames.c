@@ -6,8 +6,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "msgs/can/e2e.h"
 #include "msgs/can/frames.h"
-#include "msgs/can/protection.h"
 
 static struct can_checks checks = {.base = CAN_BASE_DEFAULT};
 

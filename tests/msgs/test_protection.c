@@ -8,8 +8,8 @@
 
 #include <string.h>
 
+#include "msgs/can/e2e.h"
 #include "msgs/can/frames.h"
-#include "msgs/can/protection.h"
 
 static struct can_frame_data status(uint32_t base)
 {

@@ -4,7 +4,7 @@
 #ifndef ANLOS_TESTS_NODES_HEALTH_H
 #define ANLOS_TESTS_NODES_HEALTH_H
 
-#include "hal/device_count.h"
+#include "hal/device.h"
 #include "msgs/health.pb-c.h"
 
 /* More of a device's counts than a process may have. */

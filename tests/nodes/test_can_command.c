@@ -10,8 +10,8 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "msgs/can/e2e.h"
 #include "msgs/can/frames.h"
-#include "msgs/can/protection.h"
 #include "nodes/anlos/commands.h"
 #include "tests/nodes/command.h"
 

@@ -10,7 +10,7 @@
 #include <cmocka.h>
 
 #include "hal/random.h"
-#include "recon/detection/detection_range.h"
+#include "recon/frontend/range_monitor.h"
 #include "tests/dsp/near.h"
 
 static const struct detection_range eight = {

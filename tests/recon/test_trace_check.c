@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "tests/recon/near.h"
 
-#include "recon/imaging/trace_check.h"
+#include "recon/imaging/imager.h"
 
 #define N 131 /* no multiple of a register */
 

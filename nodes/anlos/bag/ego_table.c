@@ -6,8 +6,8 @@
 #include <stdlib.h>
 
 #include "dsp/list.h"
-#include "hal/decimal.h"
 #include "hal/table_file.h"
+#include "hal/text_file.h"
 
 enum { TIME, SPEED, YAW_RATE, STANDSTILL, VALID, N_COLUMNS };
 

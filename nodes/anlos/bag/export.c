@@ -9,7 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "hal/decimal.h"
+#include "hal/text_file.h"
 #include "msgs/bag/copy.h"
 #include "msgs/bag/schemas.h"
 #include "msgs/convert.h"

@@ -20,7 +20,6 @@
 #include "msgs/detections.pb-c.h"
 #include "msgs/osi/osi_groundtruth.pb-c.h"
 #include "msgs/osi/osi_sensordata.pb-c.h"
-#include "msgs/osi/schema_table.h"
 #include "nodes/anlos/bag/bag.h"
 #include "nodes/anlos/bag/export.h"
 #include "nodes/anlos/score/drive_bag.h"

@@ -9,9 +9,9 @@
 #include <stdio.h>
 
 #include "dsp/error.h"
-#include "msgs/can/frame.h"
+#include "msgs/can/e2e.h"
 #include "msgs/can/frames.h"
-#include "msgs/can/protection.h"
+#include "msgs/can/layout.h"
 
 /* A line that candump wrote, of a log (-L) or for the screen:
  *   (1764000000.250000) can0 404#2A10000000000000

@@ -14,7 +14,7 @@
 #include "hal/can/socket.h"
 #include "hal/device.h"
 #include "hal/stage.h"
-#include "hal/stage/gpio_chip.h"
+#include "hal/stage/gpio.h"
 #include "hal/stage/gpiod.h"
 #include "hal/stage/zaber.h"
 #include "hal/survey/firing.h"

@@ -12,7 +12,7 @@
 #include "dsp/rank.h"
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/export.h"
-#include "recon/imaging/trace_check.h"
+#include "recon/imaging/imager.h"
 
 /* Of a budget may go into learning how the elements stand. */
 #define MOST_STAND 0.2

@@ -13,7 +13,6 @@
 #include "recon/detection/clean.h"
 #include "recon/detection/objects.h"
 #include "recon/imaging/imager.h"
-#include "recon/imaging/trace_check.h"
 
 /* -- traces that come compressed from a file, `anlos recon --traces` --------------------
  */

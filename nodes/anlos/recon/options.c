@@ -10,7 +10,6 @@
 #include <unistd.h>
 
 #include "dsp/error.h"
-#include "dsp/nearest.h"
 #include "nodes/anlos/confocal/confocal.h"
 #include "nodes/anlos/recon/auto.h"
 #include "nodes/anlos/usage.h"

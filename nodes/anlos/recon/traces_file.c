@@ -13,7 +13,7 @@
 #include "dsp/rank.h"
 #include "dsp/stationary.h"
 #include "nodes/anlos/mat_file.h"
-#include "recon/imaging/trace_check.h"
+#include "recon/imaging/imager.h"
 
 #define OVERSAMPLING 2.2              /* rate over band width */
 #define MARGIN       0.02             /* of the band, kept on each side */

@@ -35,7 +35,7 @@ struct traces_file {
     struct trace_format format;
     float complex *traces; /* [n_pings][format.n_samples] */
     bool *masked;          /* [n_pings] silent, or with samples that are not finite or
-                            * louder than any echo (recon/imaging/trace_check.h) */
+                            * louder than any echo (recon/imaging/imager.h) */
     size_t n_silent, n_not_finite, n_too_loud;
     struct traces_island {
         double from_hz, to_hz;

@@ -5,7 +5,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "dsp/nearest.h"
 #include "nodes/anlos/recon/auto.h"
 #include "recon/imaging/imager.h"
 

@@ -8,7 +8,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "dsp/nearest.h"
 #include "msgs/tensor.pb-c.h"
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/export.h"

@@ -9,7 +9,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "dsp/nearest.h"
+#include "dsp/error.h"
 #include "hal/clock.h"
 #include "nodes/anlos/commands.h"
 #include "nodes/anlos/feed.h"
