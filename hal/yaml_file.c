@@ -536,16 +536,12 @@ void yaml_unload(const struct cyaml_schema_value *schema, void *data)
 
 char *yaml_sibling(const char *path, const char *name)
 {
-    const char *slash = strrchr(path, '/');
-    if (name[0] == '/' || !slash)
-        return strdup(name);
-    size_t folder = (size_t)(slash - path) + 1;
-    char *out = malloc(folder + strlen(name) + 1);
-    if (!out)
-        return NULL;
-    memcpy(out, path, folder);
-    strcpy(out + folder, name);
-    return out;
+    const char *slash = name[0] == '/' ? NULL : strrchr(path, '/');
+    char *out;
+
+    return asprintf(&out, "%.*s%s", slash ? (int)(slash - path) + 1 : 0, path, name) < 0
+               ? NULL
+               : out;
 }
 
 /* -- where in a file a key stands ------------------------------------------------------

@@ -15,6 +15,7 @@
 #include <time.h>
 #include <zmq.h>
 
+#include "dsp/error.h"
 #include "msgs/monotonic.h"
 
 #define DOMAIN       "anlos"
@@ -81,7 +82,7 @@ report(struct authenticator *a, enum kind kind, const char *format, ...)
     char text[600];
     va_list args;
     va_start(args, format);
-    int n = vsnprintf(text, sizeof text, format, args);
+    vsnprintf(text, sizeof text, format, args);
     va_end(args);
     int64_t now_ms = monotonic_ms();
     pthread_mutex_lock(&a->lock);
@@ -94,8 +95,8 @@ report(struct authenticator *a, enum kind kind, const char *format, ...)
     pthread_mutex_unlock(&a->lock);
     if (!call)
         return;
-    if (unsaid && n > 0 && (size_t)n < sizeof text)
-        snprintf(text + n, sizeof text - (size_t)n, " (and %u times before)", unsaid);
+    if (unsaid)
+        text_add(text, sizeof text, " ", "(and %u times before)", unsaid);
     call(ctx, text); /* without the lock: it may ask for the counts */
 }
 

@@ -382,10 +382,10 @@ static void name_track(const struct sheet *p, const struct plan_picture *pic, ui
     double x = SHEET_LEFT + p->w + 16.0;
     char text[96];
 
-    int n = snprintf(text, sizeof text, "%u%s%s", (unsigned)id,
-                     k && k->class[0] ? " " : "", k ? k->class : "");
+    snprintf(text, sizeof text, "%u%s%s", (unsigned)id, k && k->class[0] ? " " : "",
+             k ? k->class : "");
     if (isfinite(speed))
-        snprintf(text + n, sizeof text - (size_t)n, ", %.1f m/s", speed);
+        text_add(text, sizeof text, ", ", "%.1f m/s", speed);
     tone(p->cr, id);
     cairo_rectangle(p->cr, x, *y - 5.0, 10.0, 10.0);
     cairo_fill(p->cr);

@@ -418,10 +418,7 @@ static char *path_beside(const struct launchfile *l, const char *path)
 /* Whoever may publish is a node, but for the launcher, which reads this. */
 static bool is_node(const char *name)
 {
-    for (const char *const *n = topics_nodes(); *n; n++)
-        if (!strcmp(*n, name))
-            return strcmp(name, "launcher") != 0;
-    return false;
+    return topics_have_node(name) && strcmp(name, "launcher") != 0;
 }
 
 static int copy_nodes(struct launchfile *l, const struct launch_text *t,

@@ -109,12 +109,11 @@ static void log_end(struct connection *c)
         w->n_unsaid++;
         return;
     }
-    int n = snprintf(text, sizeof text, "the connection of %s%s%s ended after %.1f s: %s",
-                     c->address, c->endpoint ? " to " : "",
-                     c->endpoint ? c->endpoint->path : "",
-                     1e-3 * (double)(now - c->since_ms), c->why);
-    if (w->n_unsaid && n > 0 && (size_t)n < sizeof text)
-        snprintf(text + n, sizeof text - (size_t)n, " (and %u more before)", w->n_unsaid);
+    snprintf(text, sizeof text, "the connection of %s%s%s ended after %.1f s: %s",
+             c->address, c->endpoint ? " to " : "", c->endpoint ? c->endpoint->path : "",
+             1e-3 * (double)(now - c->since_ms), c->why);
+    if (w->n_unsaid)
+        text_add(text, sizeof text, " ", "(and %u more before)", w->n_unsaid);
     w->n_unsaid = 0;
     w->log_ms = now;
     w->cfg.log(w->cfg.log_ctx, text);
