@@ -344,9 +344,14 @@ static bool fails_at_end(const struct launcher *l, int status, bool reports)
     return WTERMSIG(status) != SIGTERM && !(WTERMSIG(status) == SIGKILL && ours);
 }
 
+static bool writes_results(const struct child *c)
+{
+    return !strcmp(c->name, "report");
+}
+
 static void exited_stopping(struct launcher *l, const struct child *c, int status)
 {
-    bool reports = !strcmp(c->name, "report");
+    bool reports = writes_results(c);
     char exit_text[64], text[PATH_MAX + 160];
 
     if (!status)
@@ -361,6 +366,20 @@ static void exited_stopping(struct launcher *l, const struct child *c, int statu
                         : "",
              reports ? l->cfg->launch->report.folder : "");
     launcher_say(l, c->name, LOG_LEVEL_ERROR, text);
+}
+
+/* Not a crash: it has seen that the results cannot be written, and what is in the way,
+ * such as a full disk, is still there. */
+static void results_are_lost(struct launcher *l, struct child *c, int status)
+{
+    char exit_text[64], text[PATH_MAX + 160];
+
+    c->phase = CHILD_FAILED;
+    child_describe_exit(status, exit_text, sizeof exit_text);
+    snprintf(text, sizeof text, "ended with %s: results are missing in %s", exit_text,
+             l->cfg->launch->report.folder);
+    launcher_say(l, c->name, LOG_LEVEL_ERROR, text);
+    launcher_stop(l, EXIT_FAILED);
 }
 
 static void exited(struct launcher *l, struct child *c, int status)
@@ -380,7 +399,7 @@ static void exited(struct launcher *l, struct child *c, int status)
     }
     switch (phase) {
     case CHILD_ENDED:
-        if (strcmp(c->name, "report")) {
+        if (!writes_results(c)) {
             launcher_say(l, c->name, LOG_LEVEL_INFO,
                          "has ended; it is not started again");
             break;
@@ -398,7 +417,10 @@ static void exited(struct launcher *l, struct child *c, int status)
         launcher_stop(l, EXIT_FAILED);
         break;
     default:
-        describe_crash(l, c, status);
+        if (writes_results(c) && WIFEXITED(status))
+            results_are_lost(l, c, status);
+        else
+            describe_crash(l, c, status);
     }
 }
 
@@ -473,7 +495,7 @@ static int64_t launcher_kill(struct launcher *l, int64_t now_ns)
         struct child *c = &l->process_group.children[i];
         if (c->aside && !l->stopping_aside && l->kill_ns)
             continue;
-        if (spare && c->pid > 0 && !strcmp(c->name, "report")) {
+        if (spare && c->pid > 0 && writes_results(c)) {
             writes = true;
             continue;
         }

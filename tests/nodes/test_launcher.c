@@ -292,6 +292,36 @@ static void bad_configuration_stops_all_at_once(void **state)
     assert_int_equal(count(r->text, "starts again"), 0);
 }
 
+/* A full disk is as full a moment later. */
+static void results_that_cannot_be_written_end_all_at_once(void **state)
+{
+    struct rig *r = *state;
+
+    write_launch(r, "scan, report");
+    write_node(r, "scan", TRAP "echo go > $D/go\n" STAY);
+    write_node(r, "report", "read x < $D/go; echo error out: No space left >&2; exit 1");
+    start(r);
+    assert_int_equal(finish(r), 1);
+    assert_contains(r->text, "report  error   out: No space left");
+    assert_contains(r->text,
+                    "report  error   ended with exit code 1: results are missing in ");
+    assert_int_equal(count(r->text, "No space left"), 1);
+    assert_int_equal(count(r->text, "starts again"), 0);
+    assert_contains(r->text, "scan    info    stopped");
+}
+
+static void a_report_that_crashes_is_started_again(void **state)
+{
+    struct rig *r = *state;
+
+    write_launch(r, "report");
+    write_node(r, "report", "test -e $D/first && exit 0\n: > $D/first; kill -SEGV $$");
+    start(r);
+    assert_int_equal(finish(r), 0);
+    assert_contains(r->text, "report  warning ended with signal 11 (Segmentation fault); "
+                             "starts again in 0.1 s");
+}
+
 static void a_signal_that_comes_twice_at_once_is_one(void **state)
 {
     struct rig *r = *state;
@@ -664,7 +694,7 @@ static void nodes_get_the_clock_of_their_own_launcher(void **state)
                "test ${ANLOS_CLOCK%:*} = $PPID && echo \"first of $ANLOS_CLOCK\"");
     write_node(r, "report",
                "test -e $D/once && echo \"again of $ANLOS_CLOCK\" && exit 0\n"
-               ": > $D/once; exit 1");
+               ": > $D/once; kill -SEGV $$");
     setenv("ANLOS_CLOCK", "1:5", 1);
     start(r);
     unsetenv("ANLOS_CLOCK");
@@ -754,6 +784,8 @@ int main(void)
         TEST(who_comes_late_finds_what_was_said),
         TEST(a_node_that_always_crashes_is_given_up),
         TEST(bad_configuration_stops_all_at_once),
+        TEST(results_that_cannot_be_written_end_all_at_once),
+        TEST(a_report_that_crashes_is_started_again),
         TEST(a_signal_that_comes_twice_at_once_is_one),
         TEST(ctrl_c_stops_all_cleanly),
         TEST(a_terminal_that_closes_stops_all),
