@@ -26,26 +26,36 @@ int usage_error(const char *command, const char *format, ...)
     return EXIT_BAD_INPUT;
 }
 
-int usage_outcome(const char *command, int err, const struct error *why)
+int usage_exit_code(int err)
 {
-    if (!err)
-        return EXIT_WORKED;
-    fprintf(stderr, "anlos %s: %s\n", command, why->text);
     switch (err) {
+    case 0:
+        return EXIT_WORKED;
     case -EINTR:
         return EXIT_INTERRUPTED;
     case -ENOENT:
+    case -EACCES:
+    case -EROFS:
     case -EINVAL:
     case -ENOTSUP:
     case -ENOTDIR:
     case -EISDIR:
     case -EEXIST:
+    case -ENAMETOOLONG:
+    case -ELOOP:
     case -ENODATA: /* of a recording that is too short */
     case -EBADMSG: /* a bag that is damaged */
         return EXIT_BAD_INPUT;
     default:
         return EXIT_FAILED;
     }
+}
+
+int usage_outcome(const char *command, int err, const struct error *why)
+{
+    if (err)
+        fprintf(stderr, "anlos %s: %s\n", command, why->text);
+    return usage_exit_code(err);
 }
 
 /* Each is opened the wrong way round, so that who uses it gets EBADF as before. */

@@ -17,8 +17,12 @@ int usage_error(const char *command, const char *format, ...)
 
 struct json_t; /* jansson */
 
-/* What a command's work returned, 0 or a negative errno, as an exit code; says why not.
- */
+/* What a command's work returned, 0 or a negative errno, as an exit code: EXIT_BAD_INPUT
+ * where another argument or file would do, such as one that may be read or written;
+ * EXIT_INTERRUPTED of -EINTR; EXIT_FAILED of the rest, such as a full disk. */
+int usage_exit_code(int err);
+
+/* The same; says why not. */
 int usage_outcome(const char *command, int err, const struct error *why);
 
 /* Standard streams that are closed stay so, and what is opened next does not become one

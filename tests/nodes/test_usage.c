@@ -221,7 +221,8 @@ static void what_was_given_is_told_from_what_failed(void **state)
 {
     static const struct {
         int err, code;
-    } cases[] = {{-EISDIR, 2}, {-EBADMSG, 2}, {-EEXIST, 2}, {-ENOSPC, 1},
+    } cases[] = {{-EISDIR, 2}, {-EACCES, 2},  {-EROFS, 2},  {-ENAMETOOLONG, 2},
+                 {-ELOOP, 2},  {-EBADMSG, 2}, {-EEXIST, 2}, {-ENOSPC, 1},
                  {-EFBIG, 1},  {-EIO, 1},     {-ENOMEM, 1}, {-EINTR, 130}};
     struct command_result r;
     char number[16];

@@ -24,22 +24,7 @@ int verb_end(const char *verb, int err, const struct error *why)
         return EXIT_UNREAD;
     fprintf(stderr, "anlos bag %s: %s\n", verb,
             why->text[0] ? why->text : strerror(-err));
-    switch (err) {
-    case -ENOENT:
-    case -EACCES:
-    case -EISDIR:
-    case -ENOTDIR:
-    case -EINVAL:
-    case -EBADMSG:
-    case -ENOTSUP:
-    case -EFBIG:
-    case -EEXIST:
-    case -ENAMETOOLONG:
-    case -EROFS:
-        return EXIT_BAD_INPUT;
-    default:
-        return EXIT_FAILED;
-    }
+    return err == -EFBIG ? EXIT_BAD_INPUT : usage_exit_code(err);
 }
 
 int verb_output_begin(struct verb_output *o, const char *path, struct error *why)

@@ -26,9 +26,8 @@ int bag_filter(int argc, char **argv);
 int bag_export(int argc, char **argv);
 int bag_import(int argc, char **argv);
 
-/* Prints "anlos bag VERB: text" unless err is 0, -EINTR or -EPIPE, of standard output;
- * returns the exit code: 0, 130, 141, 2 for what is wrong with the input (no such file,
- * no bag, damaged, too large, an output that is there already), else 1. */
+/* Prints "anlos bag VERB: text" unless err is 0 or -EPIPE, of standard output; returns
+ * the exit code: 141 of that, 2 of what is too large, else that of usage_exit_code. */
 int verb_end(const char *verb, int err, const struct error *why);
 
 /* A file that appears under its name when it is whole. */

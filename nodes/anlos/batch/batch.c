@@ -78,9 +78,10 @@ static const char help[] =
     "  parallel anlos batch bags.txt --out out/batch -j 1 --shard {}/8 ::: $(seq 8)\n"
     "  anlos batch merge out/before out/batch --out table.csv --plots out/plots\n"
     "\n"
-    "exit codes: 0 all are done; 1 a bag failed (the others were done), DIR cannot be\n"
-    "written, another batch is at work in it, or merge found none for a bag; 2 bad\n"
-    "arguments, manifest or results; 130 stopped by Ctrl-C, what was done is kept\n";
+    "exit codes: 0 all are done; 1 a bag failed (the others were done), DIR is full,\n"
+    "another batch is at work in it, or merge found none for a bag; 2 bad arguments,\n"
+    "manifest or results, or a DIR that may not be written; 130 stopped by Ctrl-C, what\n"
+    "was done is kept\n";
 
 enum { MOST_JOBS = 256, MOST_SHARDS = 100000, MOST_THREADS = 256, LOOK_MS = 200 };
 enum { LOCK_TRIES = 200 }; /* in two seconds */
