@@ -639,7 +639,12 @@ static int walk(struct bag_check *c, struct error *why)
     c->crc = bag_crc(0, (struct bytes){(const uint8_t *)BAG_MAGIC, BAG_MAGIC_SIZE});
     while (!err && c->section != BAG_AT_END) {
         if (c->watch && c->watch->stop && c->watch->stop())
-            return error_say(why, -EINTR, "interrupted");
+            return error_say(why, -EINTR,
+                             "%s: interrupted after %.1f of %.1f MB, %" PRIu64
+                             " fault%s so far",
+                             c->found->file.path, 1e-6 * (double)c->next,
+                             1e-6 * (double)c->found->file.size, c->n_faults,
+                             c->n_faults == 1 ? "" : "s");
         err = next_record(c);
     }
     if (!err)

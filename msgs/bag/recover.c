@@ -400,7 +400,9 @@ static int walk(struct recover *r, struct error *why)
     r->count = (struct bag_recovery){.n_damages = offset ? 0 : 1};
     for (; !err && offset < size; offset = next) {
         if (r->watch.stop && r->watch.stop())
-            return error_say(why, -EINTR, "interrupted");
+            return error_say(why, -EINTR, "%s: interrupted after %.1f of %.1f MB",
+                             r->catalog->file.path, 1e-6 * (double)offset,
+                             1e-6 * (double)size);
         if (bag_salvage_take(&r->salvage, offset, &record)) {
             next = offset + r->salvage.record.size;
             r->count.ended |= record.opcode == BAG_FOOTER;

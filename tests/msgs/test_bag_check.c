@@ -186,7 +186,7 @@ static bool stop(void)
     return true;
 }
 
-static void it_can_be_stopped(void **state)
+static void it_can_be_stopped_and_says_how_far_it_came(void **state)
 {
     struct scratch *s = *state;
     const struct bag_check_watch watch = {.stop = stop};
@@ -196,6 +196,8 @@ static void it_can_be_stopped(void **state)
     make_image(s, 300);
     check_image(s);
     assert_int_equal(bag_check(&n, s->path, &watch, &why), -EINTR);
+    assert_int_equal(n, 0);
+    assert_contains(why.text, "checked.mcap: interrupted after 0.0 of 0.0 MB, 0 faults");
 }
 
 int main(void)
@@ -207,7 +209,7 @@ int main(void)
         TEST(what_does_not_match_its_index_is_named),
         TEST(a_schema_that_changes_is_noticed),
         TEST(a_cut_bag_says_where_it_ends),
-        TEST(it_can_be_stopped),
+        TEST(it_can_be_stopped_and_says_how_far_it_came),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -19,6 +19,7 @@
 #include "msgs/tensor.h"
 #include "msgs/volume.pb-c.h"
 #include "nodes/anlos/bag/bag.h"
+#include "nodes/anlos/bag/export.h"
 #include "nodes/anlos/bag/stream.h"
 #include "nodes/anlos/commands.h"
 #include "nodes/rt/stop.h"
@@ -916,6 +917,53 @@ static void ctrl_c_leaves_no_file(void **state)
     assert_no_leftovers();
 }
 
+/* Ctrl-C before the first message. */
+static int filter_is_stopped(int argc, char **argv)
+{
+    char *files[] = {recorded_bag};
+    const struct selection s = {
+        .files = files, .n_files = 1, .end_s = INFINITY, .out = argv[argc - 1]};
+    struct selection_result r;
+    struct error why = {""};
+
+    interrupt_catch();
+    raise(SIGINT);
+    return verb_end("filter", selection_write(&s, &r, &why), &why);
+}
+
+static int export_is_stopped(int argc, char **argv)
+{
+    const struct export_options o = {.file = recorded_bag, .out = argv[argc - 1]};
+    struct stream *s;
+    struct error why = {""};
+
+    interrupt_catch();
+    if (stream_open(&s, o.file, &why))
+        return 127;
+    raise(SIGINT);
+    int err = export_lines(s, &o, &why);
+    stream_close(s);
+    return verb_end("export", err, &why);
+}
+
+static void ctrl_c_says_how_far_it_came_and_that_there_is_no_file(void **state)
+{
+    char *const words[] = {(char *)"x", (char *)in_folder("half.mcap"), NULL};
+    char no_file[300];
+
+    (void)state;
+    snprintf(no_file, sizeof no_file, "; there is no %s\n", words[1]);
+    command_run(&result, filter_is_stopped, words);
+    assert_int_equal(result.code, 130);
+    assert_contains(result.err, "anlos bag filter: interrupted after 0 messages; ");
+    assert_contains(result.err, no_file);
+    command_run(&result, export_is_stopped, words);
+    assert_int_equal(result.code, 130);
+    assert_contains(result.err, ": interrupted at 0.0 of ");
+    assert_contains(result.err, no_file);
+    assert_no_leftovers();
+}
+
 static void wrong_arguments_are_refused(void **state)
 {
     static const struct {
@@ -994,6 +1042,7 @@ int main(void)
         cmocka_unit_test(a_message_that_is_none_is_told_and_does_no_harm),
         cmocka_unit_test(a_file_that_is_there_is_not_written_over),
         cmocka_unit_test(ctrl_c_leaves_no_file),
+        cmocka_unit_test(ctrl_c_says_how_far_it_came_and_that_there_is_no_file),
         cmocka_unit_test(wrong_arguments_are_refused),
         cmocka_unit_test(every_verb_explains_itself),
     };

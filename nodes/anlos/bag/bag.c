@@ -18,8 +18,6 @@ int verb_end(const char *verb, int err, const struct error *why)
 {
     if (!err)
         return EXIT_WORKED;
-    if (err == -EINTR)
-        return EXIT_INTERRUPTED;
     if (err == -EPIPE)
         return EXIT_UNREAD;
     fprintf(stderr, "anlos bag %s: %s\n", verb,
@@ -52,6 +50,10 @@ int verb_output_end(struct verb_output *o, int err, struct error *why)
     }
     if (err)
         unlink(o->temporary);
+    if (err == -EINTR && why) {
+        const struct error stopped = *why;
+        error_say(why, err, "%.900s; there is no %s", stopped.text, o->path);
+    }
     return err;
 }
 

@@ -39,7 +39,8 @@ struct verb_output {
 /* 0, -EEXIST (path is there already), -ENAMETOOLONG. */
 int verb_output_begin(struct verb_output *o, const char *path, struct error *why);
 
-/* err 0: gives the file its name; else removes it.  err, or an errno of renaming. */
+/* err 0: gives the file its name; else removes it, which is added to what why says of
+ * -EINTR (Ctrl-C).  err, or an errno of renaming. */
 int verb_output_end(struct verb_output *o, int err, struct error *why);
 
 /* A bag as we write them, under o->temporary.  As bag_writer_create. */

@@ -68,6 +68,9 @@ int bag_check_command(int argc, char **argv)
         code = check_file(argv[optind]);
         worst = code > worst ? code : worst;
     }
+    if (optind < argc)
+        fprintf(stderr, "anlos bag check: not checked: %s%s\n", argv[optind],
+                optind + 1 < argc ? " and what follows" : "");
     code = usage_flush("bag check");
     return code ? code : worst;
 }

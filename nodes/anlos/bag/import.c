@@ -186,6 +186,12 @@ int import_bag_end(struct import_bag *b, int err, struct error *why)
     return err;
 }
 
+static int stopped(const struct import_bag *b, struct error *why)
+{
+    return error_say(why, -EINTR, "interrupted after %llu pings",
+                     (unsigned long long)b->n_pings);
+}
+
 #define SOUND_M_S   343.0
 #define MAX_RATE_HZ 380e3 /* below what survey_check takes */
 #define MAX_BINS    512   /* as `anlos recon --confocal` has it */
@@ -373,7 +379,7 @@ static int put_pings(struct import_bag *bag, struct mat_import *m, struct error 
         Anlos__Ping p = ANLOS__PING__INIT;
         struct tensor_view view;
         if (interrupt_requested())
-            return error_say(why, -EINTR, "interrupted");
+            return stopped(bag, why);
         fill_samples(m, q);
         p.scan = 1;
         p.position = (uint32_t)q;
@@ -563,7 +569,7 @@ static int put_position(struct recording_import *r, Anlos__Pass pass, uint32_t p
     int err = acquisition_fire(r->acquisition, &fire, 0, why);
     while (!err && acquisition_busy(r->acquisition)) {
         err = interrupt_requested()
-                  ? error_say(why, -EINTR, "interrupted")
+                  ? stopped(r->bag, why)
                   : acquisition_next(r->acquisition, &ping, &t0_ns, why);
         if (err)
             break;
@@ -616,7 +622,7 @@ static int put_emission(struct recording_import *r, Anlos__Pass pass, size_t i,
     struct tensor_view view;
     Anlos__Ping p = ANLOS__PING__INIT;
     int err = interrupt_requested()
-                  ? error_say(why, -EINTR, "interrupted")
+                  ? stopped(r->bag, why)
                   : recording_read_emission(r->passes[pass == ANLOS__PASS__BACKGROUND], i,
                                             r->samples, clipped, not_finite, why);
 

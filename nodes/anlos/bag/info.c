@@ -203,7 +203,7 @@ static int read_all(struct contents *out, const struct bag_catalog *c, struct er
     while (!(err = bag_reader_next(r, &record, why))) {
         const struct bag_message *m = &record.message;
         if (interrupt_requested()) {
-            err = -EINTR;
+            err = error_say(why, -EINTR, "%s: interrupted", c->file.path);
             break;
         }
         if (record.opcode == BAG_MESSAGE && bag_catalog_channel(c, m->channel_id))

@@ -94,7 +94,7 @@ static int ask(struct save *s, struct error *why)
         if (err)
             return error_say(why, err, "%s", strerror(-err));
         if (interrupt_requested())
-            return -EINTR;
+            return error_say(why, -EINTR, "interrupted before a recorder answered");
         if (!s->heard && now_ns() > end_ns)
             return error_say(why, -ETIMEDOUT,
                              "nobody in %s keeps the last seconds: 'anlos launch FILE "
@@ -120,7 +120,8 @@ static int await_end(struct save *s, struct error *why)
         if (s->heard != before)
             heard_ns = now_ns();
         if (!err && interrupt_requested())
-            err = -EINTR;
+            err =
+                error_say(why, -EINTR, "interrupted; the recorder goes on with %s", path);
         if (!err && now_ns() - heard_ns > 6 * ANSWER_NS)
             err = error_say(why, -ETIMEDOUT, "the recorder has fallen silent");
     }

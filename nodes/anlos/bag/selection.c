@@ -158,7 +158,8 @@ static int copy_all(struct run *r, struct selection_result *out, struct error *w
         if (i == r->selection->n_files || r->inputs[i].next.log_time > r->to)
             return 0;
         if (interrupt_requested())
-            return error_say(why, -EINTR, "interrupted");
+            return error_say(why, -EINTR, "interrupted after %" PRIu64 " messages",
+                             out->n_written);
         err = copy_message(r, i, why);
         out->n_written += !err;
         if (!err)

@@ -12,6 +12,7 @@ struct stream {
     struct bag_catalog *catalog;
     struct bag_cursor *cursor;
     struct bag_source *sources; /* [n_channels]; topic NULL: not ours */
+    uint64_t at;                /* log time of the newest message; 0: none was taken */
 };
 
 static int open_parts(struct stream *s, const char *path, struct error *why)
@@ -69,16 +70,28 @@ const struct bag_catalog *stream_catalog(const struct stream *s)
 void stream_rewind(struct stream *s)
 {
     bag_cursor_seek(s->cursor, 0);
+    s->at = 0;
+}
+
+static int stopped(const struct stream *s, struct error *why)
+{
+    const struct bag_catalog *c = s->catalog;
+    uint64_t taken_ns = s->at > c->start_time ? s->at - c->start_time : 0;
+
+    return error_say(why, -EINTR, "%s: interrupted at %.1f of %.1f s", c->file.path,
+                     1e-9 * (double)taken_ns,
+                     1e-9 * (double)(c->end_time - c->start_time));
 }
 
 int stream_next(struct stream *s, struct stream_message *out, struct error *why)
 {
     struct bag_message m;
-    int err = interrupt_requested() ? error_say(why, -EINTR, "interrupted")
+    int err = interrupt_requested() ? stopped(s, why)
                                     : bag_cursor_next(s->cursor, &m, why);
 
     if (err)
         return err;
+    s->at = m.log_time;
     *out =
         (struct stream_message){.channel = bag_catalog_channel(s->catalog, m.channel_id),
                                 .payload = m.data,
