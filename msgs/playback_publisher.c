@@ -141,6 +141,17 @@ size_t playback_publisher_window(const struct playback_publisher *s, const char 
     return 1 + (o ? publisher_room(o) / (2 * (ENVELOPE_SIZE + size)) : 0);
 }
 
+size_t playback_publisher_peers(const struct playback_publisher *s, const char *node,
+                                const struct topic *t)
+{
+    struct publisher *o = find_publisher(s, node, t);
+    struct bus_count count = {.peers = 0};
+
+    if (o)
+        publisher_count(o, &count);
+    return count.peers;
+}
+
 bool playback_publisher_sent(const struct playback_publisher *s, size_t i,
                              const char **node, const struct topic **t, uint64_t *n)
 {

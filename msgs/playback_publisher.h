@@ -36,6 +36,10 @@ int playback_publisher_publish(struct playback_publisher *s, const char *node,
 size_t playback_publisher_window(const struct playback_publisher *s, const char *node,
                                  const struct topic *t, size_t size);
 
+/* Who is connected to it now, as bus_counts has them; 0: nobody, or not added. */
+size_t playback_publisher_peers(const struct playback_publisher *s, const char *node,
+                                const struct topic *t);
+
 /* Of the i-th node and topic, how many messages were sent; false: there is none. */
 bool playback_publisher_sent(const struct playback_publisher *s, size_t i,
                              const char **node, const struct topic **t, uint64_t *n);

@@ -66,6 +66,7 @@ struct playback {
     char note[300];
     bool noted;
     uint64_t messages, malformed, lists, rounds;
+    bool heard;
 
     /* What went out and is not used by all yet, the oldest first: [n_under_way]. */
     struct {
@@ -1043,6 +1044,8 @@ static int send_next(struct playback *p, int64_t now_ns, struct error *why)
                                          n->m.part->topic, e->capture_ns, e->publish_ns,
                                          n->m.payload.data, n->m.payload.size);
     p->messages += !err;
+    p->heard = p->heard || playback_publisher_peers(p->playback_publisher,
+                                                    n->m.part->node, n->m.part->topic);
     if (!err && p->n_under_way < UNDER_WAY_MAX) {
         p->under_way[p->n_under_way].publish_ns = p->at_ns;
         p->under_way[p->n_under_way++].flow = n->flow;
@@ -1228,6 +1231,7 @@ void playback_status(const struct playback *p, struct playback_status *out)
         .malformed = p->malformed,
         .lists = p->lists,
         .rounds = p->rounds,
+        .heard = p->heard,
         .lost = p->stopped + subscribers_lost(&p->subscribers),
         .pings = p->account,
     };

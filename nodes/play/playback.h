@@ -76,6 +76,7 @@ struct playback_status {
     double rate;
     int64_t at_ns, start_ns, end_ns; /* publish stamps: newest, first, last */
     uint64_t messages, malformed, lists, rounds;
+    bool heard;    /* somebody was connected to the topic of one of them */
     uint64_t lost; /* messages that did not reach who uses them, and nodes that stopped
                     * using them: the results are not those of the recording */
     struct account pings;

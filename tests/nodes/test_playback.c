@@ -405,6 +405,7 @@ static void a_scan_that_was_begun_again_has_another_number(void **state)
     turn(r, 1000 * MS);
     assert_int_equal(status_of(r).phase, PLAYBACK_ENDED);
     assert_int_equal(status_of(r).pings.used, 3 + N_PINGS);
+    assert_false(status_of(r).heard);
 }
 
 static struct bus *listen(struct rig *r)
@@ -438,6 +439,7 @@ static void a_scan_of_which_nothing_can_be_used_has_failed(void **state)
     create(r);
     struct bus *b = listen(r);
     turn(r, 1000 * MS);
+    assert_true(status_of(r).heard);
     for (uint32_t i = 0; i < N_PINGS; i++) {
         refusal.scan = 1;
         refusal.pass = ANLOS__PASS__BACKGROUND; /* dsp asks for it */

@@ -200,6 +200,8 @@ static void it_ends_by_itself_after_the_duration(void **state)
 
     assert_int_equal(run(g, "", words), 0);
     assert_true(now_ns() - start_ns >= 200000000LL);
+    assert_contains(g->text, "a.mcap: 0 messages in 0.");
+    assert_contains(g->text, "record: no message came; 'anlos topic list' says what is");
     struct bag_catalog *c = open_catalog(g->bag);
     assert_false(c->scanned);
     bag_catalog_close(c);

@@ -14,6 +14,7 @@
 #include "nodes/anlos/bag/bag.h"
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/launchfile.h"
+#include "nodes/rt/rundir.h"
 
 /* -- a person at a terminal who pauses, steps, seeks and changes the pace ---------------
  */
@@ -207,13 +208,14 @@ static const char help[] =
     "  anlos bag play scan.mcap --rate 10\n"
     "  anlos bag play scan.mcap --topics 'volume,detections' --loop\n"
     "\n"
-    "exit codes: 0 done; 1 failed, or pings got lost; 2 bad arguments or files; 130 "
-    "stopped\n"
-    "by Ctrl-C\n";
+    "exit codes: 0 done, also when nobody heard it, which it says; 1 failed, or pings "
+    "got\n"
+    "lost; 2 bad arguments or files; 130 stopped by Ctrl-C\n";
 
 struct request {
     struct playback_config play;
     struct arguments arguments;
+    char run_dir[RUNDIR_SIZE];
     char topics_room[VERB_PATTERNS], exclude_room[VERB_PATTERNS];
     char remap_room[VERB_PATTERNS];
 };
@@ -267,7 +269,8 @@ static int play(struct request *r, struct node *node, struct playback_status *st
     struct play_control control;
     struct play_keys keys;
 
-    r->play.run_dir = node_run_dir(node);
+    snprintf(r->run_dir, sizeof r->run_dir, "%s", node_run_dir(node));
+    r->play.run_dir = r->run_dir;
     int err = playback_create(&p, &r->play, node_epoch_ns(node), why);
     if (err)
         return err;
@@ -299,6 +302,11 @@ static int run(struct request *r)
         play_summary(&status, text, sizeof text);
         printf("%s\n", text);
     }
+    if (status.messages && !status.heard)
+        fprintf(stderr,
+                "anlos bag play: nobody in %s heard it: those who are to hear it start "
+                "with --replay, or with the node play in their launch file\n",
+                r->run_dir);
     if (err == -ESHUTDOWN)
         return EXIT_INTERRUPTED;
     bool whole = !err && !status.pings.missing && !status.pings.unused && !status.lost;

@@ -394,6 +394,11 @@ static int end(struct job *j, int err, struct error *why)
                 (unsigned long long)refused);
     if (err || ended)
         return err ? err : ended;
+    if (!j->tap.messages)
+        fprintf(stderr,
+                "anlos bag record: no message came; 'anlos topic list' says what is "
+                "published in %s\n",
+                j->run_dir);
     if (!shown)
         return error_say(why, -EIO, "standard output cannot be written");
     return j->stopped || t.lost || t.unwritten ? 1 : 0;
@@ -484,9 +489,9 @@ static const char help[] =
     "  anlos bag record -o drive.mcap 'scan/*' survey ping --split-s 60 --quota-mb "
     "20000\n"
     "\n"
-    "exit codes: 0 done, also by Ctrl-C; 1 failed, or messages got lost; 2 bad "
-    "arguments\n"
-    "or files\n";
+    "exit codes: 0 done, also by Ctrl-C, or when no message came, which it says; 1 "
+    "failed,\n"
+    "or messages got lost; 2 bad arguments or files\n";
 
 static const struct usage_option options[] = {
     {"out", USAGE_TEXT(struct record_options, out), .letter = 'o'},
