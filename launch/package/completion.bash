@@ -1,10 +1,14 @@
 # SPDX-License-Identifier: MIT
 # Bash completion of anlos.  What there is to choose from the programs say themselves in
-# --help, and topics in `anlos topic list`.
+# --help, of the value of an option in --help=OPTION, and topics in `anlos topic list`.
 
 _anlos() {
     local word=$2 before=$3 help
     local -a command=() choice=()
+
+    # --format=w is three words.
+    [[ $before == = ]] && before=${COMP_WORDS[COMP_CWORD - 2]}
+    [[ $word == = ]] && word=
 
     # The command and its verb, without options.
     local i
@@ -20,10 +24,8 @@ _anlos() {
     elif [[ $before == --* ]] &&
         grep -qE -- "^ +$before [A-Z]" <<<"$help"; then
         case $before in
-        --log-level) choice=(debug info warning error) ;;
-        --log-format) choice=(text json) ;;
-        --rate) choice=(max) ;;
-        *) return ;; # a file, as the shell completes it
+        --rate) choice=(max) ;; # or a number
+        *) choice=($("$1" "${command[@]}" --help="${before#--}" 2>/dev/null)) ;; # or a file
         esac
     elif [ ${#command[@]} -eq 2 ] && [[ "${command[*]}" =~ ^topic\ (echo|pub|hz|bw|delay)$ ]]; then
         choice=($("$1" topic list 2>/dev/null | awk 'NR > 1 { print $1 }'))

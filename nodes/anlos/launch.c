@@ -164,7 +164,10 @@ int command_launch(int argc, char **argv)
         return usage_flush("launch");
     }
     if (!err && args.help) {
-        print_help();
+        if (args.values)
+            choice_print(args.values, stdout);
+        else
+            print_help();
         return usage_flush("launch");
     }
     if (!err && (err = program_folder(bin_dir, sizeof bin_dir)))

@@ -142,7 +142,11 @@ int usage_count(const char *text, size_t min, size_t max, size_t *out)
 /* -- options ----------------------------------------------------------------------------
  */
 
-enum { MOST_OPTIONS = 32, FIRST = 256 }; /* of getopt_long's codes, above all letters */
+enum {
+    MOST_OPTIONS = 32,
+    HELP = 256,
+    FIRST
+}; /* getopt_long's codes, above all letters */
 
 /* As getopt_long takes them, with --help at the end. */
 static void make_table(const struct usage *u, struct option out[MOST_OPTIONS + 2],
@@ -161,7 +165,7 @@ static void make_table(const struct usage *u, struct option out[MOST_OPTIONS + 2
                                  FIRST + (int)n};
         n++;
     }
-    out[n++] = (struct option){"help", no_argument, NULL, 'h'};
+    out[n++] = (struct option){"help", optional_argument, NULL, HELP};
     out[n] = (struct option){0};
 }
 
@@ -187,6 +191,23 @@ static int wrong_option(const char *command, int code, char **argv,
 }
 
 /* 0, or an exit code. */
+static int check_name(const struct usage *u, const struct usage_option *o)
+{
+    char list[512];
+    struct nearest near = nearest_begin(optarg, strlen(optarg), 2);
+
+    for (size_t i = 0; o->names(i); i++) {
+        if (!strcmp(o->names(i), optarg))
+            return 0;
+        nearest_try(&near, o->names(i));
+    }
+    choice_list(o->names, list, sizeof list);
+    return usage_error(u->command, "--%s %s: expected %s%s%s%s", o->name, optarg, list,
+                       near.best ? "; did you mean " : "", near.best ? near.best : "",
+                       near.best ? "?" : "");
+}
+
+/* 0, or an exit code. */
 static int keep(const struct usage *u, const struct usage_option *o)
 {
     char *to = (char *)u->into + o->at;
@@ -204,6 +225,22 @@ static int keep(const struct usage *u, const struct usage_option *o)
                            o->name, optarg, o->min, o->max);
     memcpy(to, &n, sizeof n);
     return 0;
+}
+
+/* Of one option: the names that its value may have. */
+static int print_names(const struct usage *u, const char *name)
+{
+    const struct usage_option *o = u->options;
+
+    while (o->name && strcmp(o->name, name))
+        o++;
+    if (!o->name)
+        return usage_error(u->command, "--help=%s: no such option", name);
+    if (!o->names)
+        return usage_error(u->command, "--help=%s: --%s has no list of values", name,
+                           name);
+    choice_print(o->names, stdout);
+    return EXIT_WORKED;
 }
 
 static int print_help(const struct usage *u)
@@ -225,8 +262,10 @@ int usage_next(struct usage *u, int argc, char **argv)
     u->begun = true;
     while (!wrong && (code = getopt_long(argc, argv, letters, table, NULL)) != -1) {
         const struct usage_option *o = u->options;
-        if (code == 'h')
+        if (code == 'h' || (code == HELP && !optarg))
             return ~print_help(u);
+        if (code == HELP)
+            return ~print_names(u, optarg);
         if (code == '?' || code == ':')
             return ~wrong_option(u->command, code, argv, table);
         if (code == 1)
@@ -235,9 +274,11 @@ int usage_next(struct usage *u, int argc, char **argv)
             o += code - FIRST;
         while (code < FIRST && o->letter != code)
             o++;
-        if (o->kind == USAGE_IS_SWITCH || o->kind == USAGE_IS_VALUE)
+        wrong = o->names ? check_name(u, o) : 0;
+        if (!wrong && (o->kind == USAGE_IS_SWITCH || o->kind == USAGE_IS_VALUE))
             return o->code;
-        wrong = keep(u, o);
+        if (!wrong)
+            wrong = keep(u, o);
     }
     return wrong ? ~wrong : 0;
 }

@@ -9,6 +9,7 @@
 #include <stdio.h>
 
 #include "dsp/error.h"
+#include "nodes/rt/choice.h"
 #include "nodes/rt/stop.h"
 
 /* Prints "anlos COMMAND: text" and where help is; returns EXIT_BAD_INPUT. */
@@ -48,24 +49,27 @@ bool usage_is_read(void);
 /* The same of standard output that failed with a negative errno. */
 int usage_unwritten(const char *command, int err);
 
-/* An option: --help is one of every command, and not in its table. */
+/* An option: --help is one of every command, and not in its table.  --help=OPTION prints
+ * the names of its value one by one, as the completion of a shell asks for them. */
 struct usage_option {
     const char *name; /* NULL: the end of the table */
     enum usage_kind {
         USAGE_IS_SWITCH, /* without a value; its code is returned */
-        USAGE_IS_VALUE,  /* with one */
+        USAGE_IS_VALUE,  /* with one; of `names`, if it has any */
         USAGE_IS_FLAG,   /* kept: bool, which becomes true */
         USAGE_IS_TEXT,   /* const char *, borrowed from argv */
         USAGE_IS_COUNT   /* size_t */
     } kind;
     int code;
-    size_t at;       /* where it is kept in the struct that usage.into points to */
-    size_t min, max; /* of a count */
-    char letter;     /* its short form; 0: none */
+    size_t at;           /* where it is kept in the struct that usage.into points to */
+    size_t min, max;     /* of a count */
+    char letter;         /* its short form; 0: none */
+    choice_names *names; /* NULL: any */
 };
 
 #define USAGE_SWITCH(c)         .kind = USAGE_IS_SWITCH, .code = (c)
 #define USAGE_VALUE(c)          .kind = USAGE_IS_VALUE, .code = (c)
+#define USAGE_NAME(c, list)     USAGE_VALUE(c), .names = (list)
 #define USAGE_FLAG(type, field) USAGE_KEPT(FLAG, type, field, bool)
 #define USAGE_TEXT(type, field) USAGE_KEPT(TEXT, type, field, const char *)
 #define USAGE_COUNT(type, field, least, most)                                            \
@@ -84,8 +88,8 @@ struct usage {
 };
 
 /* The code of the next option that is not kept, with optarg; 0: no more, optind stands at
- * what follows.  Prints the help and what is wrong with an option itself: then it is
- * ~exit code, below 0. */
+ * what follows.  Prints the help and what is wrong with an option itself, such as a value
+ * that is none of its names: then it is ~exit code, below 0. */
 int usage_next(struct usage *u, int argc, char **argv);
 
 /* Of names[], NULL at its end, the one that was probably meant; NULL: none is near. */

@@ -48,6 +48,37 @@ static int error_say_of(const struct arguments *a, const char *arg, struct error
                      near.best ? "?" : "");
 }
 
+static const char *level_name(size_t i)
+{
+    return log_level_name((enum log_level)i);
+}
+
+static const char *format_name(size_t i)
+{
+    return log_format_name((enum log_format)i);
+}
+
+static int wrong_choice(const char *option, choice_names *names, const char *value,
+                        struct error *why)
+{
+    char list[128];
+
+    choice_list(names, list, sizeof list);
+    return error_say(why, -EINVAL, "%s: expected %s, not %s", option, list, value);
+}
+
+/* --help=OPTION */
+static int ask_for_values(struct arguments *a, const char *option, struct error *why)
+{
+    a->help = true;
+    a->values = !strcmp(option, "log-level")    ? level_name
+                : !strcmp(option, "log-format") ? format_name
+                                                : NULL;
+    return a->values ? 0
+                     : error_say(why, -EINVAL, "--help=%s: --%s has no list of values",
+                                 option, option);
+}
+
 static int parse_one(struct arguments *a, int argc, char **argv, int *i,
                      struct error *why)
 {
@@ -56,6 +87,8 @@ static int parse_one(struct arguments *a, int argc, char **argv, int *i,
 
     if (!strcmp(arg, "--help") || !strcmp(arg, "-h"))
         a->help = true;
+    else if (!strncmp(arg, "--help=", 7))
+        return ask_for_values(a, arg + 7, why);
     else if (!strcmp(arg, "--version"))
         a->version = true;
     else if (!strcmp(arg, "--realtime"))
@@ -82,13 +115,10 @@ static int parse_one(struct arguments *a, int argc, char **argv, int *i,
         a->host = value;
     else if ((value = option_value("--log-level", argc, argv, i))) {
         if (log_level_parse(&a->log_level, value))
-            return error_say(
-                why, -EINVAL,
-                "--log-level: expected debug, info, warning or error, not %s", value);
+            return wrong_choice("--log-level", level_name, value, why);
     } else if ((value = option_value("--log-format", argc, argv, i))) {
         if (log_format_parse(&a->log_format, value))
-            return error_say(why, -EINVAL, "--log-format: expected text or json, not %s",
-                             value);
+            return wrong_choice("--log-format", format_name, value, why);
     } else if (arg[0] != '-' && !a->launch)
         a->launch = arg;
     else

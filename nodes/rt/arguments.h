@@ -6,6 +6,7 @@
 #include <stdbool.h>
 
 #include "dsp/error.h"
+#include "nodes/rt/choice.h"
 #include "nodes/rt/log.h"
 
 struct arguments { /* borrow from argv */
@@ -20,6 +21,7 @@ struct arguments { /* borrow from argv */
     bool unsupervised; /* nodes that hang are left alone: for a debugger */
     bool replay;       /* it lives in a replay, though the launch file has no node play */
     bool help, version;
+    choice_names *values; /* in place of the help: what an option may be; or NULL */
     enum log_level log_level;
     enum log_format log_format;
 };
@@ -27,8 +29,8 @@ struct arguments { /* borrow from argv */
 /* Reads `[FILE] --launch FILE --run-dir DIR --out DIR --record BAG --snapshot DIR
  * --bag FILE --rate R --host NAME --realtime --replay --no-supervision --log-level LEVEL
  * --log-format FORM
- * --version --help`.  0, or -EINVAL: unknown option, missing or wrong value, no launch
- * file. */
+ * --version --help[=OPTION]`.  0, or -EINVAL: unknown option, missing or wrong value, no
+ * launch file. */
 int arguments_parse(struct arguments *out, int argc, char **argv, struct error *why);
 
 /* The options' help, for the end of a program's own. */

@@ -23,7 +23,7 @@ static const char *const level_names[] = {"debug", "info", "warning", "error"};
 
 const char *log_level_name(enum log_level level)
 {
-    return level_names[level];
+    return level < sizeof level_names / sizeof *level_names ? level_names[level] : NULL;
 }
 
 int log_level_parse(enum log_level *out, const char *name)
@@ -37,14 +37,24 @@ int log_level_parse(enum log_level *out, const char *name)
     return -EINVAL;
 }
 
+static const char *const format_names[] = {
+    [LOG_FORMAT_TEXT] = "text", [LOG_FORMAT_JSON] = "json"};
+
+const char *log_format_name(enum log_format format)
+{
+    return format < sizeof format_names / sizeof *format_names ? format_names[format]
+                                                               : NULL;
+}
+
 int log_format_parse(enum log_format *out, const char *name)
 {
-    bool json = !strcmp(name, "json");
-
-    if (!json && strcmp(name, "text"))
-        return -EINVAL;
-    *out = json ? LOG_FORMAT_JSON : LOG_FORMAT_TEXT;
-    return 0;
+    for (int i = LOG_FORMAT_TEXT; i <= LOG_FORMAT_JSON; i++) {
+        if (!strcmp(name, format_names[i])) {
+            *out = (enum log_format)i;
+            return 0;
+        }
+    }
+    return -EINVAL;
 }
 
 /* "2026-11-21T20:15:09.123Z" */

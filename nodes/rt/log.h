@@ -37,7 +37,9 @@ struct log_line {
     double repeats_ago_s; /* and so long ago for the last time */
 };
 
+/* NULL past the last of them. */
 const char *log_level_name(enum log_level level);
+const char *log_format_name(enum log_format format);
 
 /* 0, or -EINVAL: no such level or format. */
 int log_level_parse(enum log_level *out, const char *name);

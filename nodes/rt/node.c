@@ -199,7 +199,9 @@ int node_create(struct node **out, const char *name, const char *what_it_does, i
 
     *out = NULL;
     if (!err && (args.help || args.version)) {
-        if (args.help)
+        if (args.values)
+            choice_print(args.values, stdout);
+        else if (args.help)
             print_help(name, what_it_does);
         else
             printf("anlos-%s %s\n", name, ANLOS_VERSION);

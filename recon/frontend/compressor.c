@@ -44,12 +44,14 @@ int compression_from_name(const char *name, enum compression *out)
 
 const char *window_name(enum window window)
 {
-    return windows[window];
+    return window < sizeof windows / sizeof *windows ? windows[window] : NULL;
 }
 
 const char *compression_name(enum compression compression)
 {
-    return compressions[compression];
+    return compression < sizeof compressions / sizeof *compressions
+               ? compressions[compression]
+               : NULL;
 }
 
 /* Nothing of what the gate holds: from its near end to where the chirp from its far end

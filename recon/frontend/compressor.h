@@ -18,6 +18,8 @@ enum compression { COMPRESSION_MATCHED_FILTER, COMPRESSION_DERAMP };
 /* "hann", "hamming", "rectangular"; "matched_filter", "deramp".  0, -EINVAL. */
 int window_from_name(const char *name, enum window *out);
 int compression_from_name(const char *name, enum compression *out);
+
+/* NULL past the last of them. */
 const char *window_name(enum window window);
 const char *compression_name(enum compression compression);
 

@@ -205,6 +205,11 @@ test_the_shell_completes_commands_verbs_options_and_topics() {
     expect_completion "--record --realtime --replay" launch --re
     expect_completion "warning" launch x.yaml --log-level w
     expect_completion "sound-speed show" calibrate s
+    expect_completion "foxglove" bag export x.mcap --format f
+    expect_completion "wav csv json nrrd png foxglove osi" bag export --format =
+    expect_completion "paper" recon --method = pa
+    expect_completion "lz4" bag record --compression l
+    expect_completion "hann hamming" psf --window h
     expect_completion "" launch --out ""
     expect_completion "" nonsense ""
 }

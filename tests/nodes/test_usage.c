@@ -45,6 +45,11 @@ static void a_wrong_argument_of_a_launch_is_told_from_a_missing_value(void **sta
         {{"launch", "a.yaml", "--rate"}, "--rate: its value is missing; see --help"},
         {{"launch", "a.yaml", "--out", "--realtime"},
          "--out: its value is missing; see --help"},
+        {{"launch", "a.yaml", "--log-level", "loud"},
+         "--log-level: expected debug, info, warning or error, not loud"},
+        {{"launch", "a.yaml", "--log-format", "xml"},
+         "--log-format: expected text or json, not xml"},
+        {{"launch", "--help=out"}, "--help=out: --out has no list of values"},
         {{"launch", "a.yaml", "b.yaml"},
          "b.yaml: unexpected, a.yaml is the launch file; see --help"},
     };
@@ -68,11 +73,19 @@ struct kept {
     size_t jobs;
 };
 
+static const char *shape(size_t i)
+{
+    static const char *const names[] = {"round", "square", "flat", NULL};
+
+    return names[i];
+}
+
 static const struct usage_option options[] = {
     {"out", USAGE_TEXT(struct kept, out), .letter = 'o'},
     {"json", USAGE_FLAG(struct kept, json)},
     {"jobs", USAGE_COUNT(struct kept, jobs, 2, 8), .letter = 'j'},
     {"base", USAGE_VALUE('b')},
+    {"shape", USAGE_NAME('s', shape)},
     {"wait", USAGE_SWITCH('w')},
     {.name = NULL},
 };
@@ -124,6 +137,12 @@ static void a_wrong_option_ends_with_what_is_wrong_with_it(void **state)
         {"--hlep", "anlos x: --hlep: no such option; did you mean --help?\n"},
         {"--json=1", "anlos x: --json: takes no value\n"},
         {"--out", "anlos x: --out: expected a value after it\n"},
+        {"--shape=blue", "anlos x: --shape blue: expected round, square or flat\n"},
+        {"--shape=", "anlos x: --shape : expected round, square or flat\n"},
+        {"--shape=sqaure", "anlos x: --shape sqaure: expected round, square or flat; did "
+                           "you mean square?\n"},
+        {"--help=shpae", "anlos x: --help=shpae: no such option\n"},
+        {"--help=out", "anlos x: --help=out: --out has no list of values\n"},
         {"-w", "anlos x: -w: no such option\n"}, /* it has no short form */
     };
     struct command_result r;
@@ -141,11 +160,70 @@ static void a_wrong_option_ends_with_what_is_wrong_with_it(void **state)
     assert_string_equal(r.out, "how it goes\n");
 }
 
+static void a_value_that_is_one_of_some_is_taken_and_told(void **state)
+{
+    char *argv[] = {(char *)"x", (char *)"--shape", (char *)"flat", NULL};
+    struct usage u = {.command = "x", .options = options};
+    struct command_result r;
+
+    (void)state;
+    assert_int_equal(usage_next(&u, 3, argv), 's');
+    assert_string_equal(optarg, "flat");
+    assert_int_equal(choice_index(shape, optarg), 2);
+    char *const help[] = {(char *)"x", (char *)"--help=shape", NULL};
+    command_run(&r, read_options, help);
+    assert_int_equal(r.code, 0);
+    assert_string_equal(r.out, "round\nsquare\nflat\n");
+}
+
 static int run_anlos(int argc, char **argv)
 {
     (void)argc;
     execv(BINARY_DIR "/bin/anlos", argv);
     return 127;
+}
+
+/* As the completion of the shell asks; each of them is in the help, too. */
+static void who_asks_is_told_what_a_value_may_be(void **state)
+{
+    static const struct {
+        const char *words[4], *out;
+    } cases[] = {
+        {{"bag", "export", "--help=format"},
+         "wav\ncsv\njson\nnrrd\npng\nfoxglove\nosi\n"},
+        {{"bag", "record", "--help=compression"}, "zstd\nlz4\nnone\n"},
+        {{"bag", "import", "--help=compression"}, "zstd\nlz4\nnone\n"},
+        {{"bag", "merge", "--help=compression"}, "zstd\nlz4\nnone\n"},
+        {{"bag", "filter", "--help=compression"}, "zstd\nlz4\nnone\n"},
+        {{"recon", "--help=method"},
+         "auto\nfast\nbackprojection\nconfocal\nlct\npaper\nincoherent\niterative\n"
+         "sparse\nfk\n"},
+        {{"recon", "--help=window"}, "rectangular\nhann\nhamming\n"},
+        {{"psf", "--help=compression"}, "matched_filter\nderamp\n"},
+        {{"launch", "--help=log-level"}, "debug\ninfo\nwarning\nerror\n"},
+        {{"launch", "--help=log-format"}, "text\njson\n"},
+    };
+    static struct command_result r;
+
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        char *words[6] = {(char *)"anlos"};
+        size_t n = 1;
+        for (const char *const *w = cases[i].words; n < 5 && *w; w++)
+            words[n++] = (char *)*w;
+        command_run(&r, run_anlos, words);
+        assert_string_equal(r.err, "");
+        assert_string_equal(r.out, cases[i].out);
+        assert_int_equal(r.code, 0);
+        words[n - 1] = (char *)"--help";
+        command_run(&r, run_anlos, words);
+        for (const char *p = cases[i].out; *p; p += strcspn(p, "\n") + 1) {
+            char name[32];
+            snprintf(name, sizeof name, "%.*s", (int)strcspn(p, "\n"), p);
+            if (!strstr(r.out, name))
+                fail_msg("%s is not in the help of %s", name, cases[i].words[0]);
+        }
+    }
 }
 
 static int run_anlos_on_a_full_disk(int argc, char **argv)
@@ -291,6 +369,8 @@ int main(void)
         cmocka_unit_test(what_is_opened_is_never_a_standard_stream_that_was_closed),
         cmocka_unit_test(what_is_only_kept_goes_where_the_table_says),
         cmocka_unit_test(a_wrong_option_ends_with_what_is_wrong_with_it),
+        cmocka_unit_test(a_value_that_is_one_of_some_is_taken_and_told),
+        cmocka_unit_test(who_asks_is_told_what_a_value_may_be),
         cmocka_unit_test(a_wrong_argument_of_a_launch_is_told_from_a_missing_value),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -106,14 +106,18 @@ int verb_one_operand(const char *command, const char *what, int argc, char **arg
     return 0;
 }
 
-int verb_take_compression(const char *command, const char *text,
-                          enum bag_compression *out)
-{
-    bool none = !strcmp(text, "none");
+static const enum bag_compression compressions[] = {BAG_ZSTD, BAG_LZ4, BAG_NONE};
 
-    if (*text && !bag_compression_find(out, bytes_of(none ? "" : text)))
-        return 0;
-    return usage_error(command, "--compression %s: expected zstd, lz4 or none", text);
+const char *verb_compression_name(size_t i)
+{
+    if (i == sizeof compressions / sizeof *compressions)
+        return NULL;
+    return compressions[i] == BAG_NONE ? "none" : bag_compression_name(compressions[i]);
+}
+
+enum bag_compression verb_compression(const char *name)
+{
+    return compressions[choice_index(verb_compression_name, name)];
 }
 
 static bool is_match(const char *pattern, struct bytes topic)

@@ -56,8 +56,10 @@ int verb_write_file(const char *path,
 
 /* Of the command line, after its options.  0, or what usage_error returns. */
 int verb_one_operand(const char *command, const char *what, int argc, char **argv);
-int verb_take_compression(const char *command, const char *text,
-                          enum bag_compression *out);
+
+/* Of --compression: "zstd", "lz4", "none". */
+const char *verb_compression_name(size_t i);
+enum bag_compression verb_compression(const char *name); /* one of those */
 
 /* One more of an option that may be given several times: *list, NULL at first, becomes
  * all of them with commas between, in room[VERB_PATTERNS].  0, or what usage_error

@@ -578,16 +578,6 @@ static const char help[] =
     "files,\n"
     "or nothing of that is in the bag; 130 stopped by Ctrl-C (no OUT then)\n";
 
-static const struct usage_option options[] = {
-    {"format", USAGE_VALUE('f')},
-    {"out", USAGE_TEXT(struct export_options, out), .letter = 'o'},
-    {"topic", USAGE_VALUE('t')},
-    {"scan", USAGE_VALUE('s')},
-    {"full", USAGE_FLAG(struct export_options, full)},
-    {"scenes", USAGE_TEXT(struct export_options, scene)},
-    {.name = NULL},
-};
-
 struct format {
     const char *name;
     const char *needs, *wants; /* topics that must be there, and that are taken if so */
@@ -604,13 +594,20 @@ static const struct format formats[] = {
     {"osi", "detections", "detections,ego", export_osi},
 };
 
-static const struct format *find_format(const char *name)
+static const char *format_name(size_t i)
 {
-    for (size_t i = 0; i < sizeof formats / sizeof *formats; i++)
-        if (!strcmp(name, formats[i].name))
-            return &formats[i];
-    return NULL;
+    return i < sizeof formats / sizeof *formats ? formats[i].name : NULL;
 }
+
+static const struct usage_option options[] = {
+    {"format", USAGE_NAME('f', format_name)},
+    {"out", USAGE_TEXT(struct export_options, out), .letter = 'o'},
+    {"topic", USAGE_VALUE('t')},
+    {"scan", USAGE_VALUE('s')},
+    {"full", USAGE_FLAG(struct export_options, full)},
+    {"scenes", USAGE_TEXT(struct export_options, scene)},
+    {.name = NULL},
+};
 
 static int open_stream(struct stream **out, const struct format *f,
                        const struct export_options *o, struct error *why)
@@ -656,13 +653,8 @@ static int take_option(struct export_options *o, const struct format **f, int co
 {
     switch (code) {
     case 'f':
-        *f = find_format(optarg);
-        if (*f)
-            return 0;
-        return usage_error("bag export",
-                           "--format %s: expected wav, csv, json, nrrd, png, "
-                           "foxglove or osi",
-                           optarg);
+        *f = &formats[choice_index(format_name, optarg)];
+        return 0;
     case 't':
         return verb_add_patterns("bag export", optarg, o->topics_room, &o->topics);
     default:

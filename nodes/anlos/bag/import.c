@@ -826,7 +826,7 @@ static const struct usage_option options[] = {
     {"survey", USAGE_TEXT(struct import_options, survey)},
     {"background", USAGE_TEXT(struct import_options, background)},
     {"ego", USAGE_TEXT(struct import_options, ego)},
-    {"compression", USAGE_VALUE('c')},
+    {"compression", USAGE_NAME('c', verb_compression_name)},
     {.name = NULL},
 };
 
@@ -861,8 +861,7 @@ int bag_import(int argc, char **argv)
     int code;
 
     while ((code = usage_next(&usage, argc, argv)) > 0)
-        if ((code = verb_take_compression("bag import", optarg, &o.compression)) != 0)
-            return code;
+        o.compression = verb_compression(optarg);
     if (code)
         return ~code;
     code = verb_one_operand("bag import", "FOLDER or FILE.mat", argc, argv);

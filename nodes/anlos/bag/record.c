@@ -500,7 +500,7 @@ static const struct usage_option options[] = {
     {"split-mb", USAGE_VALUE('m')},
     {"split-s", USAGE_VALUE('s')},
     {"quota-mb", USAGE_VALUE('q')},
-    {"compression", USAGE_VALUE('c')},
+    {"compression", USAGE_NAME('c', verb_compression_name)},
     {"shuffle", USAGE_FLAG(struct record_options, shuffle)},
     {"flush-ms", USAGE_VALUE('f')},
     {"snapshot", USAGE_TEXT(struct record_options, snapshot)},
@@ -537,7 +537,8 @@ static int take_option(struct record_options *o, int code)
     case 'q':
         return take_number("quota-mb", 1e9, &o->quota_mb);
     case 'c':
-        return verb_take_compression("bag record", optarg, &o->compression);
+        o->compression = verb_compression(optarg);
+        return 0;
     default:
         return take_number("flush-ms", 3600e3, &o->flush_ms);
     }

@@ -249,7 +249,7 @@ static const char merge_help[] =
 
 static const struct usage_option merge_options[] = {
     {"out", USAGE_TEXT(struct selection, out), .letter = 'o'},
-    {"compression", USAGE_VALUE('c')},
+    {"compression", USAGE_NAME('c', verb_compression_name)},
     {"shuffle", USAGE_SWITCH('u')},
     {"plain", USAGE_SWITCH('p')},
     {.name = NULL},
@@ -289,7 +289,7 @@ static const struct usage_option filter_options[] = {
     {"exclude", USAGE_VALUE('x')},
     {"start", USAGE_VALUE('s')},
     {"end", USAGE_VALUE('e')},
-    {"compression", USAGE_VALUE('c')},
+    {"compression", USAGE_NAME('c', verb_compression_name)},
     {"shuffle", USAGE_SWITCH('u')},
     {"plain", USAGE_SWITCH('p')},
     {.name = NULL},
@@ -315,7 +315,8 @@ static int take_option(const char *command, struct selection *s, int code)
     case 'e':
         return take_seconds(command, "end", &s->end_s);
     case 'c':
-        return verb_take_compression(command, optarg, &s->compression);
+        s->compression = verb_compression(optarg);
+        return 0;
     case 'u':
         s->order = ORDER_SHUFFLED;
         return 0;

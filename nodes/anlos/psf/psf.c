@@ -283,10 +283,10 @@ static const struct usage_option options[] = {
     {"at", USAGE_VALUE(OPTION_AT)},
     {"out", USAGE_TEXT(struct request, recon.out)},
     {"volume", USAGE_VALUE(RECON_OPTION_VOLUME)},
-    {"method", USAGE_VALUE(RECON_OPTION_METHOD)},
+    {"method", USAGE_NAME(RECON_OPTION_METHOD, recon_sound_method_name)},
     {"set", USAGE_VALUE(RECON_OPTION_SET)},
-    {"window", USAGE_VALUE(RECON_OPTION_WINDOW)},
-    {"compression", USAGE_VALUE(RECON_OPTION_COMPRESSION)},
+    {"window", USAGE_NAME(RECON_OPTION_WINDOW, recon_window_name)},
+    {"compression", USAGE_NAME(RECON_OPTION_COMPRESSION, recon_compression_name)},
     {"threads", USAGE_COUNT(struct request, recon.threads, 1, RECON_MAX_THREADS)},
     {.name = NULL},
 };

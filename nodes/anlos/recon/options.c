@@ -9,7 +9,6 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "dsp/error.h"
 #include "nodes/anlos/confocal/confocal.h"
 #include "nodes/anlos/recon/auto.h"
 #include "nodes/anlos/usage.h"
@@ -281,6 +280,42 @@ static int recon_options_check_all(struct recon_options *o)
 #define FARTHEST_M 1000.0
 #define MOST_GOAL  1e7
 
+const char *recon_sound_method_name(size_t i)
+{
+    const char *m = imager_methods();
+
+    while (*m && i--)
+        m += strlen(m) + 1;
+    return *m ? m : NULL;
+}
+
+/* auto, those of sound, and what only light has. */
+const char *recon_method_name(size_t i)
+{
+    size_t n = 1;
+
+    if (!i)
+        return recon_auto_name;
+    while (recon_sound_method_name(n - 1))
+        n++;
+    if (i < n)
+        return recon_sound_method_name(i - 1);
+    for (const char *m = confocal_methods(); *m; m += strlen(m) + 1)
+        if (!imager_has_method(m) && i-- == n)
+            return m;
+    return NULL;
+}
+
+const char *recon_window_name(size_t i)
+{
+    return window_name((enum window)i);
+}
+
+const char *recon_compression_name(size_t i)
+{
+    return compression_name((enum compression)i);
+}
+
 static const struct usage_option options[] = {
     {"survey", USAGE_TEXT(struct recon_options, survey)},
     {"wav", USAGE_TEXT(struct recon_options, wav)},
@@ -294,15 +329,15 @@ static const struct usage_option options[] = {
     {"record", USAGE_FLAG(struct recon_options, records)},
     {"no-image", USAGE_FLAG(struct recon_options, no_image)},
     {"background", USAGE_TEXT(struct recon_options, background)},
-    {"method", USAGE_VALUE(RECON_OPTION_METHOD)},
+    {"method", USAGE_NAME(RECON_OPTION_METHOD, recon_method_name)},
     {"set", USAGE_VALUE(RECON_OPTION_SET)},
     {"psf", USAGE_TEXT(struct recon_options, psf)},
     {"budget-ms", USAGE_VALUE(RECON_OPTION_BUDGET)},
     {"error-cm", USAGE_VALUE(RECON_OPTION_ERROR)},
     {"out", USAGE_TEXT(struct recon_options, out)},
     {"threads", USAGE_COUNT(struct recon_options, threads, 1, RECON_MAX_THREADS)},
-    {"window", USAGE_VALUE(RECON_OPTION_WINDOW)},
-    {"compression", USAGE_VALUE(RECON_OPTION_COMPRESSION)},
+    {"window", USAGE_NAME(RECON_OPTION_WINDOW, recon_window_name)},
+    {"compression", USAGE_NAME(RECON_OPTION_COMPRESSION, recon_compression_name)},
     {.name = NULL},
 };
 
@@ -377,19 +412,6 @@ static int take_goal(struct recon_options *o, const char *command, int code)
     return 0;
 }
 
-static int take_method(struct recon_options *o, const char *command)
-{
-    char known[256] = "auto", hint[NEAREST_HINT_SIZE];
-    o->method = optarg;
-    if (imager_has_method(optarg) || confocal_has_method(optarg) ||
-        !strcmp(optarg, recon_auto_name))
-        return 0;
-    for (const char *m = imager_methods(); *m; m += strlen(m) + 1)
-        text_add(known, sizeof known, ", ", "%s", m);
-    return usage_error(command, "--method %s: no such method; expected one of %s%s",
-                       optarg, known, nearest_hint(hint, optarg, imager_methods()));
-}
-
 int recon_options_take(struct recon_options *o, const char *command, int code)
 {
     switch (code) {
@@ -405,19 +427,16 @@ int recon_options_take(struct recon_options *o, const char *command, int code)
     case RECON_OPTION_ERROR:
         return take_goal(o, command, code);
     case RECON_OPTION_METHOD:
-        return take_method(o, command);
+        o->method = optarg;
+        return 0;
     case RECON_OPTION_WINDOW:
         o->has_window = true;
-        if (!window_from_name(optarg, &o->window))
-            return 0;
-        return usage_error(command, "--window %s: expected hann, hamming or rectangular",
-                           optarg);
+        o->window = (enum window)choice_index(recon_window_name, optarg);
+        return 0;
     default:
         o->has_compression = true;
-        if (!compression_from_name(optarg, &o->compression))
-            return 0;
-        return usage_error(command, "--compression %s: expected matched_filter or deramp",
-                           optarg);
+        o->compression = (enum compression)choice_index(recon_compression_name, optarg);
+        return 0;
     }
 }
 

@@ -49,6 +49,13 @@ enum recon_option { /* codes of what is more than kept */
                     RECON_OPTION_OTHER, /* from here on a command's own */
 };
 
+/* What these may be (nodes/rt/choice.h): any method, those of a recording of sound, and
+ * how it is compressed. */
+const char *recon_method_name(size_t i);
+const char *recon_sound_method_name(size_t i);
+const char *recon_window_name(size_t i);
+const char *recon_compression_name(size_t i);
+
 /* Everything left out; the defaults of methods go into *imaging. */
 void recon_options_default(struct recon_options *o, struct imager_options *imaging);
 
