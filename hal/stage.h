@@ -27,6 +27,7 @@ struct stage_status {
     double position_m;
     int64_t at_ns; /* when it was there */
     double target_m;
+    double reach_m[2];          /* the ends of where it may be sent */
     bool homed;                 /* its place is known */
     char text[STAGE_TEXT_SIZE]; /* of a fault */
     char note[STAGE_TEXT_SIZE]; /* what a person should know though it works; or empty */
@@ -40,7 +41,7 @@ struct stage_ops {
     int (*move)(void *state, double target_m, double speed_m_s);
     int (*home)(void *state);
     int (*stop)(void *state);
-    /* *out comes idle, homed, without text and as of now. */
+    /* *out comes idle, homed, without text, at 0 and as of now. */
     void (*status)(void *state, struct stage_status *out);
     /* May be NULL: nothing is counted. */
     size_t (*counts)(void *state, struct device_count out[DEVICE_MAX_COUNTS]);
@@ -73,6 +74,10 @@ int stage_home(struct stage *s);
  */
 int stage_stop(struct stage *s);
 void stage_status(struct stage *s, struct stage_status *out);
+
+/* Why a move was refused, in words: with -ERANGE how far it goes. */
+void stage_refusal(const struct stage_status *s, int err, char text[STAGE_TEXT_SIZE]);
+
 /* How many counts there are. */
 size_t stage_counts(struct stage *s, struct device_count out[DEVICE_MAX_COUNTS]);
 void stage_close(struct stage *s);

@@ -285,6 +285,8 @@ static void gpiod_status(void *state, struct stage_status *out)
     struct stage_gpiod *s = state;
 
     stage_worker_status(s->worker, out);
+    out->reach_m[0] = s->axis.cfg.min_m;
+    out->reach_m[1] = s->axis.cfg.max_m;
 }
 
 static size_t gpiod_counts(void *state, struct device_count out[DEVICE_MAX_COUNTS])

@@ -131,6 +131,8 @@ static void sim_status(void *state, struct stage_status *out)
     double v, t = elapsed_s(s), end_s = trapezoid_duration_s(&s->motion);
     out->position_m = trapezoid_at(&s->motion, t, &v);
     out->target_m = s->target_m;
+    out->reach_m[0] = s->min_m;
+    out->reach_m[1] = s->max_m;
     if (t < end_s)
         out->motion = STAGE_MOVING;
     else if (!s->fast && t < end_s + s->settle_s)

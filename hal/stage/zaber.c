@@ -817,6 +817,8 @@ static void zaber_status(void *state, struct stage_status *out)
     struct stage_zaber *s = state;
 
     stage_worker_status(s->drive.worker, out);
+    out->reach_m[0] = s->min_m;
+    out->reach_m[1] = s->max_m;
 }
 
 static size_t zaber_counts(void *state, struct device_count out[DEVICE_MAX_COUNTS])

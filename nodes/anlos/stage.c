@@ -304,12 +304,14 @@ static int await_rest_direct(struct stage *stage)
                                           : EXIT_WORKED;
 }
 
-static int refuse(const char *what, int err)
+static int refuse(struct stage *stage, const char *what, int err)
 {
-    fprintf(stderr, "anlos stage: %s: %s\n", what,
-            err == -ERANGE   ? "it does not reach that far"
-            : err == -ESTALE ? "its place is not known, home it first"
-                             : strerror(-err));
+    char why[STAGE_TEXT_SIZE];
+    struct stage_status status;
+
+    stage_status(stage, &status);
+    stage_refusal(&status, err, why);
+    fprintf(stderr, "anlos stage: %s: %s\n", what, why);
     return EXIT_FAILED;
 }
 
@@ -322,7 +324,7 @@ static int grant_direct(struct stage *stage, const struct stage_wish *w)
     else if (w->verb == VERB_MOVE)
         err = stage_move(stage, w->target_m);
     if (err)
-        return refuse(w->verb == VERB_HOME ? "home" : "move", err);
+        return refuse(stage, w->verb == VERB_HOME ? "home" : "move", err);
     return await_rest_direct(stage);
 }
 

@@ -22,14 +22,15 @@ void mover_init(struct mover *m, struct node *node, struct stage *stage)
     *m = (struct mover){.node = node, .stage = stage};
 }
 
-static void say_refusal(char out[MOVER_TEXT_SIZE], const char *what, double target_m,
-                        int err)
+static void say_refusal(const struct mover *m, char out[MOVER_TEXT_SIZE],
+                        const char *what, double target_m, int err)
 {
-    snprintf(out, MOVER_TEXT_SIZE, "cannot %s %.4f m: %s", what, target_m,
-             err == -ERANGE   ? "it does not reach that far"
-             : err == -ESTALE ? "its place is not known, home it first"
-             : err == -EDOM   ? "it does not go at that speed"
-                              : strerror(-err));
+    char why[STAGE_TEXT_SIZE];
+    struct stage_status status;
+
+    stage_status(m->stage, &status);
+    stage_refusal(&status, err, why);
+    snprintf(out, MOVER_TEXT_SIZE, "cannot %s %.4f m: %.100s", what, target_m, why);
 }
 
 void mover_command(struct mover *m, const Anlos__StageCommand *command)
@@ -50,7 +51,7 @@ void mover_command(struct mover *m, const Anlos__StageCommand *command)
                   ? stage_move_at(m->stage, command->target_m, command->speed_m_s)
                   : stage_move(m->stage, command->target_m);
     if (err && err != -ESTALE) /* which the stage's own fault says better */
-        say_refusal(m->refusal, what, command->target_m, err);
+        say_refusal(m, m->refusal, what, command->target_m, err);
 }
 
 /* The scan's command is void from now on, so that it is given again. */
@@ -107,7 +108,7 @@ void mover_manual(struct mover *m, const Anlos__StageManual *command)
         err = -ENOTSUP;
     }
     if (err)
-        say_refusal(m->manual_refusal, "move by hand to", command->target_m, err);
+        say_refusal(m, m->manual_refusal, "move by hand to", command->target_m, err);
 }
 
 const char *mover_note(struct mover *m)

@@ -149,6 +149,48 @@ static void soft_limits_refuse_and_leave_the_stage_alone(void **state)
     stage_close(s);
 }
 
+/* What is named can be gone to: an end that is between two digits is not rounded out. */
+static void a_refusal_says_how_far_it_goes(void **state)
+{
+    static const struct {
+        double from_m, to_m;
+        int err;
+        const char *text;
+    } cases[] = {
+        {-0.05, 2.0, -ERANGE, "it does not reach that far: it goes from -0.05 to 2 m"},
+        {0.00004, 0.97656, -ERANGE,
+         "it does not reach that far: it goes from 0.0001 to 0.9765 m"},
+        {0.0, 0.5, -ERANGE, "it does not reach that far: it goes from 0 to 0.5 m"},
+        {0.0, 0.0, -ERANGE, "it does not reach that far: it stands at 0 m for good"},
+        {0.0, 1.0, -ESTALE, "its place is not known, home it first"},
+        {0.0, 1.0, -EDOM, "it does not go at that speed"},
+    };
+    char text[STAGE_TEXT_SIZE];
+
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        const struct stage_status s = {.reach_m = {cases[i].from_m, cases[i].to_m}};
+        stage_refusal(&s, cases[i].err, text);
+        assert_string_equal(text, cases[i].text);
+    }
+}
+
+static void each_kind_says_how_far_it_goes(void **state)
+{
+    struct fake_clock clock;
+    struct stage_status status;
+    struct stage *s = open_stage("sim:?min=-0.1&max=0.5", &clock);
+
+    (void)state;
+    stage_status(s, &status);
+    assert_true(status.reach_m[0] == -0.1 && status.reach_m[1] == 0.5);
+    stage_close(s);
+    s = open_stage("none:", &clock);
+    stage_status(s, &status);
+    assert_true(status.reach_m[0] == 0.0 && status.reach_m[1] == 0.0);
+    stage_close(s);
+}
+
 /* 0.1 m/s after 0.2 s at 0.5 m/s2: 0.01 m gone, and as much to come to rest. */
 static void a_stop_brakes_it_where_it_is(void **state)
 {
@@ -233,6 +275,8 @@ int main(void)
         cmocka_unit_test(fast_moves_take_no_time),
         cmocka_unit_test(positions_err_by_the_rms_asked_for),
         cmocka_unit_test(soft_limits_refuse_and_leave_the_stage_alone),
+        cmocka_unit_test(a_refusal_says_how_far_it_goes),
+        cmocka_unit_test(each_kind_says_how_far_it_goes),
         cmocka_unit_test(a_stop_brakes_it_where_it_is),
         cmocka_unit_test(a_fixed_array_stays_at_0),
         cmocka_unit_test(devices_that_do_not_exist_are_named),

@@ -173,7 +173,7 @@ static void states_repeat_faster_in_motion_than_at_rest(void **state)
 
 static void a_target_out_of_reach_is_refused_until_the_next_command(void **state)
 {
-    struct stage stage = {.result = -ERANGE};
+    struct stage stage = {.result = -ERANGE, .status.reach_m = {-0.05, 2.0}};
     struct mover m;
     Anlos__StageState s;
 
@@ -184,7 +184,8 @@ static void a_target_out_of_reach_is_refused_until_the_next_command(void **state
     assert_int_equal(s.state, ANLOS__STAGE_STATE__STATE__REFUSED);
     assert_int_equal(s.command_id, 3);
     assert_true(s.target_m == 9.0);
-    assert_non_null(strstr(s.text, "cannot move to 9.0000 m: it does not reach"));
+    assert_non_null(strstr(s.text, "cannot move to 9.0000 m: it does not reach that "
+                                   "far: it goes from -0.05 to 2 m"));
     stage.result = 0;
     command(&m, 4, 0.2);
     assert_true(mover_state(&m, 1, &s));

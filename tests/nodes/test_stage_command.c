@@ -115,7 +115,8 @@ static void what_is_refused_or_fails_ends_with_1(void **state)
     struct rig *r = *state;
 
     assert_int_equal(directly(r, "move 5 home"), 1);
-    assert_contains(r->out, "move: it does not reach that far");
+    assert_contains(r->out,
+                    "move: it does not reach that far: it goes from 0 to 0.9921 m\n");
     assert_int_equal(r->device->homings, 0);
     assert_int_equal(directly(r, "move -0.1"), 1);
     r->device->stall_at = 100000;
@@ -168,7 +169,7 @@ static void a_running_stage_is_moved_held_and_released(void **state)
     assert_int_equal(by_the_node(r, "release status"), 0);
     assert_string_equal(r->out, "idle at 0.20000 m\nidle at 0.20000 m\n");
     assert_int_equal(by_the_node(r, "move 2"), 1);
-    assert_contains(r->out, "it does not reach that far");
+    assert_contains(r->out, "it does not reach that far: it goes from 0 to 0.9921 m\n");
     assert_int_equal(by_the_node(r, "stop release"), 0);
     assert_int_equal(r->device->homings, 0);
 }
