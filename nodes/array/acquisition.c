@@ -571,10 +571,10 @@ static int publish_ping(void *self)
     /* While the device is away the shot waits for it. */
     if (err == -EINTR || err == -ENODATA || err == -EAGAIN)
         return 0;
-    node_log(s->node, LOG_LEVEL_WARNING, "%s", why.text[0] ? why.text : strerror(-err));
-    if (err == -EINVAL)
-        return err;
-    return ++s->failures < MAX_FAILURES ? 0 : -EIO;
+    bool ends = err == -EINVAL || ++s->failures == MAX_FAILURES;
+    node_log(s->node, ends ? LOG_LEVEL_ERROR : LOG_LEVEL_WARNING, "%s",
+             why.text[0] ? why.text : strerror(-err));
+    return !ends ? 0 : err == -EINVAL ? err : -EIO;
 }
 
 static size_t counts(void *self, struct device_count *out)

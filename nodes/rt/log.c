@@ -297,6 +297,7 @@ struct log {
     void (*call)(void *ctx, const struct log_line *line);
     void *ctx;
     struct log_repeats repeats;
+    uint64_t n_errors;
     char written[LOG_LINE_SIZE];
 };
 
@@ -349,6 +350,7 @@ static void write_text(struct log *l, enum log_level level, bool each, const cha
     log_text_clean(line.text);
     pthread_mutex_lock(&l->lock);
     line.stamp_ns = clock_now_ns(l->cfg.clock);
+    l->n_errors += level == LOG_LEVEL_ERROR;
     bool fresh = each || log_repeats_take(&l->repeats, &line, &before);
     if (before.repeats)
         put_line(l, &before);
@@ -375,6 +377,14 @@ void log_write(struct log *l, enum log_level level, const char *format, ...)
     va_start(args, format);
     log_vwrite(l, level, format, args);
     va_end(args);
+}
+
+uint64_t log_errors(struct log *l)
+{
+    pthread_mutex_lock(&l->lock);
+    uint64_t n = l->n_errors;
+    pthread_mutex_unlock(&l->lock);
+    return n;
 }
 
 static void tell_repeats(struct log *l, bool all)

@@ -89,6 +89,9 @@ void log_vwrite(struct log *l, enum log_level level, const char *format, va_list
 void log_vwrite_each(struct log *l, enum log_level level, const char *format,
                      va_list args) __attribute__((format(printf, 3, 0)));
 
+/* How many errors there were, also those that were only counted. */
+uint64_t log_errors(struct log *l);
+
 /* Says which texts were repeated, where it is time to.  To be called now and then. */
 void log_tick(struct log *l);
 

@@ -35,6 +35,7 @@ struct node {
     int64_t epoch_ns;
     struct heartbeat heart;
     ProtobufCMessage *content; /* of the message that node_next gave out last */
+    uint64_t errors;           /* that were logged before that */
 };
 
 static void log_refusal(void *ctx, const char *text)
@@ -419,6 +420,7 @@ int node_next(struct node *n, struct node_message *out, int timeout_ms)
     if (n->content)
         protobuf_c_message_free_unpacked(n->content, NULL);
     n->content = NULL;
+    n->errors = log_errors(n->log);
     for (;;) {
         if (stop_requested())
             return -ESHUTDOWN;
@@ -531,7 +533,8 @@ int node_finish(struct node *n, int err)
 {
     if (err == -ESHUTDOWN)
         err = 0;
-    if (err && err != NODE_TOLD)
+    /* What is said of this turn says it better. */
+    if (err && err != NODE_TOLD && log_errors(n->log) == n->errors)
         node_log(n, LOG_LEVEL_ERROR, "ends: %s", strerror(-err));
     node_free(n);
     switch (err) {

@@ -140,9 +140,11 @@ bool node_is_optional(const char *name);
 
 #define NODE_TOLD 1 /* for node_finish: it failed, and said why already */
 
-/* Closes all and returns the process's exit code: 0 if err is 0 or -ESHUTDOWN, 2 if it is
- * one of configuration (-EINVAL, -ENOENT, -ENODEV, -ENOTSUP, -EACCES, -ENOTDIR, -EROFS,
- * -EADDRINUSE, -EADDRNOTAVAIL: no use in starting it again), else 1. */
+/* Says that the node ends of err, in the words of errno, unless an error was logged since
+ * node_next: that says why.  Closes all and returns the process's exit code: 0 if err is
+ * 0 or -ESHUTDOWN, 2 if it is one of configuration (-EINVAL, -ENOENT, -ENODEV, -ENOTSUP,
+ * -EACCES, -ENOTDIR, -EROFS, -EADDRINUSE, -EADDRNOTAVAIL: no use in starting it again),
+ * else 1. */
 int node_finish(struct node *n, int err);
 
 #endif

@@ -3,6 +3,7 @@
 #include "tests/hal/scratch.h"
 
 #include <errno.h>
+#include <fcntl.h>
 #include <signal.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -313,6 +314,44 @@ static void exit_codes_tell_bad_configuration_from_failure(void **state)
     }
 }
 
+/* Lines of errors that a node writes which ends of -EBADMSG; says: it has told why,
+ * before its last turn or in it. */
+static unsigned count_errors(struct rig *r, bool before, bool says, const char *word)
+{
+    char text[4096];
+    struct node_message in;
+    unsigned n = 0;
+    int saved = dup(STDERR_FILENO),
+        log = open(scratch_path(r->scratch, "log"), O_CREAT | O_TRUNC | O_RDWR, 0600);
+
+    assert_true(saved >= 0 && log >= 0);
+    assert_int_equal(create(r, "scan", NULL, NULL), 0);
+    dup2(log, STDERR_FILENO);
+    if (says)
+        node_log(r->node, LOG_LEVEL_ERROR, "a.mcap: byte 7: damaged");
+    if (before)
+        assert_int_equal(node_next(r->node, &in, 0), -ETIMEDOUT);
+    assert_int_equal(node_finish(r->node, -EBADMSG), 2);
+    dup2(saved, STDERR_FILENO);
+    ssize_t length = pread(log, text, sizeof text - 1, 0);
+    assert_true(length >= 0);
+    text[length] = '\0';
+    for (const char *p = text; (p = strstr(p, " error ")); p++)
+        n++;
+    assert_contains(text, word);
+    close(log);
+    close(saved);
+    return n;
+}
+
+static void why_a_node_ends_is_said_once(void **state)
+{
+    assert_int_equal(count_errors(*state, false, true, "byte 7: damaged"), 1);
+    assert_int_equal(count_errors(*state, false, false, "ends: Bad message"), 1);
+    /* What came of another turn may have had no consequences. */
+    assert_int_equal(count_errors(*state, true, true, "ends: Bad message"), 2);
+}
+
 static void help_and_mistakes_end_the_program(void **state)
 {
     struct rig *r = *state;
@@ -364,6 +403,7 @@ int main(void)
         TEST(messages_come_unpacked_with_their_sender),
         TEST(waiting_ends_when_its_time_is_over),
         TEST(exit_codes_tell_bad_configuration_from_failure),
+        TEST(why_a_node_ends_is_said_once),
         TEST(help_and_mistakes_end_the_program),
         TEST(a_name_can_be_had_only_once),
         TEST(a_signal_ends_the_wait_for_good),
