@@ -28,6 +28,19 @@ void text_cut(char *s, size_t columns)
             *s-- = '\0';
 }
 
+size_t text_line(const char *s, size_t columns)
+{
+    size_t n = 0, blank = 0;
+
+    for (; s[n]; n++) {
+        if (!continues(s[n]) && !columns--)
+            return s[n] == ' ' ? n + 1 : blank ? blank : n;
+        if (s[n] == ' ')
+            blank = n + 1;
+    }
+    return n;
+}
+
 /* Bytes of the UTF-8 character at s; 0: it is none, or one that steers a terminal. */
 static size_t character(const char *s)
 {

@@ -16,6 +16,11 @@ size_t text_columns(const char *s);
 /* Cuts s after so many columns. */
 void text_cut(char *s, size_t columns);
 
+/* Bytes of s that go into a line of so many columns, 1 or more: to its end, else to the
+ * last blank that is followed by a word, else in the middle of one.  Blanks at its end
+ * count. */
+size_t text_line(const char *s, size_t columns);
+
 /* What a process says, made fit for a terminal: control characters become blanks, what is
  * not UTF-8 becomes '?'. */
 void text_clean(char *out, size_t size, const char *in);

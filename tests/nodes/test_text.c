@@ -147,6 +147,27 @@ static void columns_are_characters_not_bytes(void **state)
     assert_string_equal(text, "");
 }
 
+static void a_line_ends_at_a_blank_or_in_a_word_that_is_too_long(void **state)
+{
+    static const struct {
+        const char *text;
+        size_t columns, bytes;
+    } cases[] = {
+        {"a bee sees", 10, 10},
+        {"a bee sees", 9, 6},
+        {"a bee sees", 5, 6},
+        {"a bee sees", 4, 2},
+        {"beehive", 3, 3},
+        {"\xc3\xb6\xc3\xb6\xc3\xb6", 2, 4},
+        {"", 3, 0},
+        {"a", 1, 1},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++)
+        assert_int_equal(text_line(cases[i].text, cases[i].columns), cases[i].bytes);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -158,6 +179,7 @@ int main(void)
         cmocka_unit_test(good_utf8_stays_and_all_else_becomes_harmless),
         cmocka_unit_test(cleaning_never_cuts_a_character_in_two),
         cmocka_unit_test(columns_are_characters_not_bytes),
+        cmocka_unit_test(a_line_ends_at_a_blank_or_in_a_word_that_is_too_long),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -355,6 +355,37 @@ static void the_log_shows_its_newest_lines(void **state)
     assert_non_null(strstr(r->page.lines[20].text, "first"));
 }
 
+static void on_a_narrow_screen_a_line_of_the_log_goes_on_below(void **state)
+{
+    struct rig *r = *state;
+
+    add_log(&r->table, "warning", "channel 7 clips: turn its gain down by 6 dB or more");
+    draw(r, 40, 40);
+    int at = (int)(find(r, " LOG") - r->page.lines);
+    assert_line(r, at + 2, " 01:02:03 E dsp: second");
+    assert_line(r, at + 3, " 01:02:03 W dsp: channel 7 clips: turn");
+    assert_line(r, at + 4, "   its gain down by 6 dB or more");
+    assert_int_equal(r->page.lines[at + 3].tone, PAGE_NOTE);
+    assert_int_equal(r->page.lines[at + 4].tone, PAGE_NOTE);
+    r->look.log_line = 1;
+    draw(r, 40, 40);
+    assert_int_equal(r->look.log_line, 0); /* all are seen */
+    r->table.logs[0] = r->table.logs[2];
+    r->look.focus = LOOK_LOG;
+    r->look.log_line = 1000;
+    draw(r, 40, 7);                        /* three lines of log below its title */
+    assert_int_equal(r->look.log_line, 1); /* the oldest takes two of them */
+    assert_line(r, 3, " 01:02:03 W dsp: channel 7 clips: turn");
+    assert_line(r, 5, " 01:02:03 E dsp: second");
+    r->look.log_line = 0;
+    draw(r, 40, 7);
+    assert_line(r, 3, " 01:02:03 E dsp: second");
+    assert_line(r, 5, "   its gain down by 6 dB or more");
+    draw(r, 60, 40);
+    assert_non_null(
+        find(r, " 01:02:03 warning dsp      channel 7 clips: turn its gain do"));
+}
+
 static void a_repeated_line_says_how_often(void **state)
 {
     struct rig *r = *state;
@@ -517,6 +548,7 @@ int main(void)
         TEST(the_detail_tells_device_counts_and_topics),
         TEST(the_detail_scrolls_to_its_last_line_and_no_further),
         TEST(the_log_shows_its_newest_lines),
+        TEST(on_a_narrow_screen_a_line_of_the_log_goes_on_below),
         TEST(a_repeated_line_says_how_often),
         TEST(what_a_process_says_cannot_steer_the_terminal),
         TEST(what_holds_and_filters_is_said),

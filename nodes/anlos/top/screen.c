@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 #include "nodes/anlos/top/screen.h"
 
+#include <ctype.h>
 #include <curses.h>
 #include <errno.h>
 #include <inttypes.h>
@@ -248,6 +249,13 @@ static int choose_rank(const struct column *columns, int width)
     }
 }
 
+/* Blanks at the end. */
+static void trim(char *text)
+{
+    for (size_t n = strlen(text); n && text[n - 1] == ' ';)
+        text[--n] = '\0';
+}
+
 /* row NULL: the titles.  A line of at most width columns, without blanks at the end.  The
  * first two columns are always there. */
 static void write_row(const struct column *columns, int width, const void *row,
@@ -275,8 +283,7 @@ static void write_row(const struct column *columns, int width, const void *row,
     }
     if (width < INT_MAX)
         text_cut(out, (size_t)width);
-    for (used = strlen(out); used && out[used - 1] == ' ';)
-        out[--used] = '\0';
+    trim(out);
 }
 
 /* -- which rows, in which order ---------------------------------------------------------
@@ -612,7 +619,8 @@ static void write_scan(const struct table_scan *s, char *out, size_t size)
                  s->given_up, s->scan, *text ? ": " : "", text);
 }
 
-static void write_log(const struct table_log *l, char *out, size_t size)
+/* narrow: with a letter for the level, and nothing to fill columns. */
+static void write_log(const struct table_log *l, bool narrow, char *out, size_t size)
 {
     time_t seconds = (time_t)(l->stamp_ns / 1000000000);
     char clock[16] = "--:--:--", times[40] = "", left_out[64] = "";
@@ -628,8 +636,12 @@ static void write_log(const struct table_log *l, char *out, size_t size)
     if (l->left_out)
         snprintf(left_out, sizeof left_out, " (%" PRIu64 " lines before it left out)",
                  l->left_out);
-    snprintf(out, size, "%s %-7s %-8s %s%s%s", clock, l->level, node, text, times,
-             left_out);
+    if (narrow)
+        snprintf(out, size, "%s %c %s: %s%s%s", clock, toupper((unsigned char)*l->level),
+                 node, text, times, left_out);
+    else
+        snprintf(out, size, "%s %-7s %-8s %s%s%s", clock, l->level, node, text, times,
+                 left_out);
 }
 
 /* -- the screen -------------------------------------------------------------------------
@@ -637,6 +649,8 @@ static void write_log(const struct table_log *l, char *out, size_t size)
 
 #define FRAME_LINES 3 /* two above the panels, the keys below */
 #define FAIR_LOGS   5
+#define NARROW      60 /* columns: then lines of the log are not cut but go on below */
+#define INDENT      3
 
 /* The keys first: a low terminal shows no more. */
 static const char *const help_lines[] = {
@@ -844,25 +858,68 @@ static void draw_detail(struct page *p, const struct page *d, const char *called
         add(p, "%s", d->lines[i].text);
 }
 
+/* A line of the log, in as many lines as it takes, of which no more than `most` are
+ * drawn.  How many it takes. */
+static size_t fold_log(struct page *p, const struct table_log *l, size_t most)
+{
+    static const struct {
+        const char *level;
+        enum page_tone tone;
+    } tones[] = {{"error", PAGE_BAD}, {"warning", PAGE_NOTE}, {"debug", PAGE_FAINT}};
+    bool narrow = p->width < NARROW;
+    char text[PAGE_LINE_SIZE];
+    size_t n = 0, at = 0;
+
+    write_log(l, narrow, text, sizeof text);
+    do {
+        int indent = n ? INDENT : 1;
+        bool folds = narrow && p->width > 2 * INDENT;
+        size_t length = folds ? text_line(text + at, (size_t)(p->width - indent))
+                              : strlen(text);
+        struct page_line *line =
+            n < most ? add(p, "%*s%.*s", indent, "", (int)length, text + at) : NULL;
+        if (line)
+            trim(line->text);
+        for (size_t k = 0; line && k < sizeof tones / sizeof *tones; k++)
+            if (!strcmp(l->level, tones[k].level))
+                line->tone = tones[k].tone;
+        if (line)
+            line->tone_n = p->width;
+        at += length;
+        n++;
+    } while (text[at]);
+    return n;
+}
+
+/* How many of the n, from the first or the last on, there is whole room for. */
+static size_t fit_logs(struct page *p, const struct table *t, size_t n, bool from_last,
+                       size_t room)
+{
+    size_t fit = 0, used = 0;
+
+    while (fit < n) {
+        size_t i = from_last ? n - 1 - fit : fit;
+        used += fold_log(p, &t->logs[i], 0);
+        if (used > room)
+            break;
+        fit++;
+    }
+    return fit;
+}
+
 static void draw_log(struct page *p, const struct table *t, struct look *v, size_t room)
 {
-    char text[PAGE_LINE_SIZE];
-
     if (!room--)
         return;
     add_title(p, v, LOOK_LOG, t->n_logs ? " LOG" : " LOG (nothing was said yet)");
-    size_t end = t->n_logs - scrolled(&v->log_line, t->n_logs, room);
-    for (size_t i = end > room ? end - room : 0; i < end; i++) {
-        const char *level = t->logs[i].level;
-        write_log(&t->logs[i], text, sizeof text);
-        struct page_line *line = add(p, " %s", text);
-        if (!line)
-            return;
-        line->tone = !strcmp(level, "error")     ? PAGE_BAD
-                     : !strcmp(level, "warning") ? PAGE_NOTE
-                     : !strcmp(level, "debug")   ? PAGE_FAINT
-                                                 : PAGE_PLAIN;
-        line->tone_n = p->width;
+    if (!room || !t->n_logs)
+        return;
+    size_t first = fit_logs(p, t, t->n_logs, false, room);
+    size_t end = t->n_logs - scrolled(&v->log_line, t->n_logs, first ? first : 1);
+    size_t n = fit_logs(p, t, end, true, room);
+    for (size_t i = end - (n ? n : 1); i < end && room; i++) {
+        size_t lines = fold_log(p, &t->logs[i], room);
+        room -= lines < room ? lines : room;
     }
 }
 
@@ -1043,7 +1100,7 @@ int screen_print(FILE *to, const struct table *t)
         fprintf(to, "(of the last list; nobody tracks now)\n\n");
     print_devices(to, t);
     for (size_t i = 0; i < t->n_logs; i++) {
-        write_log(&t->logs[i], text, sizeof text);
+        write_log(&t->logs[i], false, text, sizeof text);
         fprintf(to, "%s\n", text);
     }
     errno = 0;
