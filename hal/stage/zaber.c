@@ -345,8 +345,8 @@ static void zaber_port_close(struct zaber_port *p)
  */
 
 const char *const stage_zaber_option_keys[] = {
-    "pitch_mm", "steps",  "resolution", "device", "axis",   "baud", "timeout",
-    "checksum", "settle", "min",        "max",    "homing", NULL};
+    "pitch_mm", "steps",  "resolution", "device", "axis",  "baud",   "timeout",
+    "checksum", "settle", "min",        "max",    "speed", "homing", NULL};
 
 static int read_numbers(struct stage_zaber_options *o, const struct device *d,
                         struct error *why)
@@ -362,6 +362,7 @@ static int read_numbers(struct stage_zaber_options *o, const struct device *d,
         {"settle", 0, 60, &o->settle_s},
         {"min", -100, 100, &o->min_m},
         {"max", -100, 100, &o->max_m},
+        {"speed", 1e-4, 100, &o->speed_m_s},
         {"timeout", 0.01, 10, &o->port.timeout_s},
         {"device", 1, 99, &device},
         {"axis", 1, 9, &axis},
@@ -440,12 +441,14 @@ struct zaber_facts {
     double speed;      /* 1.6384 times microsteps/s */
     bool homed;
     bool fault; /* it has stopped by itself: a person has to look */
+    bool moved; /* it was moving when it was asked */
 };
 
 #define POLL_MS     50  /* of a device that moves */
 #define REST_MS     500 /* of one that does not */
 #define TOLERANCE_M 2e-5
-#define SPEED_UNIT  1.6384 /* in a microstep per second */
+#define BRAKE_NS    INT64_C(10000000000) /* at most, from any speed */
+#define SPEED_UNIT  1.6384               /* in a microstep per second */
 
 /* Why a question came to nothing, for a person. */
 static int error_say_of(int err, const char *command, const struct zaber_message *reply,
@@ -670,6 +673,30 @@ static int zaber_drive_rest(void *drive, int wake_fd, char text[STAGE_TEXT_SIZE]
     return err ? fail(z, err) : 0;
 }
 
+/* Nobody has told it to move yet: who did was killed, and it does not stop for that. */
+static int bring_to_rest(struct zaber_drive *z, bool *moved, char text[STAGE_TEXT_SIZE])
+{
+    int64_t end_ns = clock_monotonic_ns() + BRAKE_NS;
+    struct zaber_message m;
+    double position;
+    int err = ask_number(&z->port, "get pos", &position, &m, text);
+
+    *moved = !err && m.busy;
+    if (!*moved)
+        return err;
+    err = zaber_port_ask(&z->port, &m, "stop");
+    if (err)
+        return error_say_of(err, "stop", &m, text);
+    while (!err && m.busy && clock_monotonic_ns() < end_ns) {
+        poll(NULL, 0, POLL_MS);
+        err = ask_number(&z->port, "get pos", &position, &m, text);
+    }
+    if (err || !m.busy)
+        return err;
+    snprintf(text, STAGE_TEXT_SIZE, "it moves and does not stop");
+    return -EBUSY;
+}
+
 /* facts->resolution: 0 on entry asks the device.  0, or -errno with why in text. */
 static int zaber_drive_ask(struct zaber_drive *z, struct zaber_facts *facts,
                            char text[STAGE_TEXT_SIZE])
@@ -685,6 +712,8 @@ static int zaber_drive_ask(struct zaber_drive *z, struct zaber_facts *facts,
                  facts->resolution);
         return -EPROTO;
     }
+    if (!err)
+        err = bring_to_rest(z, &facts->moved, text);
     if (!err)
         err = ask_number(&z->port, "get limit.min", &facts->min, &m, text);
     if (!err)
@@ -702,7 +731,8 @@ struct stage_zaber {
     char *path;
     struct zaber_drive drive;
     double min_m, max_m;
-    bool fault; /* from before; nothing moves until a person has homed it */
+    bool fault;         /* from before; nothing moves until a person has homed it */
+    double left_at_m_s; /* this fast it was moving when it was opened; 0: it was not */
 };
 
 /* Without an answer there is no telling how far a microstep goes. */
@@ -717,13 +747,27 @@ static int introduce(struct stage_zaber *s, const struct stage_zaber_options *o,
         return error_say(why, err, "%s: %s", s->path, text);
     double m = 1e-3 * o->pitch_mm / (o->steps * facts.resolution);
     s->drive.m_per_step = m;
-    s->drive.speed = facts.speed;
+    s->drive.speed = o->speed_m_s > 0 ? o->speed_m_s / m * SPEED_UNIT : facts.speed;
+    s->drive.slowed = llround(s->drive.speed) != llround(facts.speed);
+    s->left_at_m_s = facts.moved ? facts.speed * m / SPEED_UNIT : 0;
     s->drive.rest_m = facts.position * m;
     s->drive.homed = facts.homed;
     s->fault = facts.fault;
     s->min_m = fmax(o->min_m, facts.min * m);
     s->max_m = fmin(o->max_m, facts.max * m);
-    return 0;
+    err = set_speed(&s->drive, 0, text);
+    return err ? error_say(why, err, "%s: %s", s->path, text) : 0;
+}
+
+static void note_speed(struct stage_zaber *s)
+{
+    char text[STAGE_TEXT_SIZE];
+
+    snprintf(text, sizeof text,
+             "it was moving: who drove it was killed, and %.4f m/s may be the speed of "
+             "that run; option speed sets its own",
+             s->left_at_m_s);
+    stage_worker_note(s->drive.worker, text);
 }
 
 static int start(struct stage_zaber *s, const struct stage_zaber_options *o,
@@ -745,9 +789,11 @@ static int start(struct stage_zaber *s, const struct stage_zaber_options *o,
                                             .homed = s->drive.homed,
                                             .home_first = o->home_first && !s->fault,
                                             .position_m = s->drive.rest_m};
-    if (err)
-        return err;
-    return stage_worker_create(&s->drive.worker, &cfg, &ops, &s->drive, clock, why);
+    if (!err)
+        err = stage_worker_create(&s->drive.worker, &cfg, &ops, &s->drive, clock, why);
+    if (!err && s->left_at_m_s > 0 && !(o->speed_m_s > 0))
+        note_speed(s);
+    return err;
 }
 
 static void zaber_close(void *state)

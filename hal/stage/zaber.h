@@ -1,14 +1,16 @@
 /* SPDX-License-Identifier: MIT */
 /* hal/stage/zaber.h -- a Zaber stage (the paper's: X-BLQ-E) on a serial line, protocol
  * ASCII 2.  The device keeps the place, the speed and the limits; what is read of it are
- * the resolution and how far it reaches.  It is named by
+ * the resolution, how far it reaches and, unless it is told, how fast it goes.  One that
+ * moves, because who drove it was killed, is stopped first.  It is named by
  *
  *   zaber:TTY?pitch_mm=TRAVEL
  *
  * pitch_mm is needed: the travel of a turn of the motor, from the data sheet.  The rest
  * has defaults: steps=200 (full steps of a turn), resolution (microsteps of a full step,
  * of the device), device=1, axis=1, baud=115200, timeout=0.3, checksum=auto, on or off,
- * settle, min, max, homing=first-move or manual.  Metres and seconds. */
+ * settle, min, max, speed (set at the start; default: as the device has it),
+ * homing=first-move or manual.  Metres and seconds. */
 #ifndef ANLOS_HAL_STAGE_ZABER_H
 #define ANLOS_HAL_STAGE_ZABER_H
 
@@ -34,6 +36,7 @@ struct stage_zaber_options {
     struct zaber_port_config port;
     double pitch_mm, steps, settle_s, min_m, max_m;
     double resolution; /* 0: as the device says */
+    double speed_m_s;  /* its own; 0: as the device has it */
     bool home_first;
 };
 

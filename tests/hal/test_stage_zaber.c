@@ -209,6 +209,68 @@ static void a_move_goes_as_fast_as_it_is_told(void **state)
     finish(s, d);
 }
 
+/* What a process that is killed leaves behind: a low speed, which the device keeps, and a
+ * move that goes on. */
+static struct zaber_device *leave_moving(void)
+{
+    struct zaber_device *d = zaber_device_start(true);
+
+    d->speed = 25197; /* microsteps/s: 0.05 m/s */
+    d->target = 400000;
+    await_motion_at_least(d, 70000);
+    return d;
+}
+
+static void a_speed_that_is_named_is_set_again_after_a_kill(void **state)
+{
+    struct zaber_device *d = leave_moving();
+    struct stage *s = open_stage(d, "&speed=0.79375"); /* 400000 microsteps/s */
+    struct stage_status status;
+
+    (void)state;
+    assert_int_equal(d->speed, 400000);
+    assert_int_equal(d->stops, 1);
+    assert_true(d->position < 400000);
+    stage_status(s, &status);
+    assert_int_equal(status.motion, STAGE_IDLE); /* where it was stopped */
+    assert_true(status.homed);
+    assert_string_equal(status.note, "");
+    assert_int_equal(stage_move_at(s, 0.3, 0.79), 0);
+    assert_idle_at(s, 0.3);
+    assert_int_equal(d->speed, 400000);
+    assert_int_equal(d->homings, 0);
+    finish(s, d);
+}
+
+static void a_speed_that_may_be_of_a_killed_process_is_told(void **state)
+{
+    struct zaber_device *d = leave_moving();
+    struct stage *s = open_stage(d, "");
+    struct stage_status status;
+
+    (void)state;
+    stage_status(s, &status);
+    assert_contains(status.note, "0.0500 m/s may be the speed of that run");
+    assert_true(status.homed);
+    assert_int_equal(d->stops, 1);
+    assert_int_equal(d->speed, 25197);
+    finish(s, d);
+}
+
+static void a_speed_that_the_device_has_is_left_alone(void **state)
+{
+    struct zaber_device *d = zaber_device_start(true);
+    struct stage *s = open_stage(d, "");
+    struct stage_status status;
+
+    (void)state;
+    stage_status(s, &status);
+    assert_string_equal(status.note, "");
+    assert_int_equal(d->stops, 0);
+    assert_int_equal(d->speed, 400000);
+    finish(s, d);
+}
+
 static void with_manual_homing_it_waits_for_it(void **state)
 {
     struct zaber_device *d = zaber_device_start(false);
@@ -523,6 +585,9 @@ int main(void)
         cmocka_unit_test(the_first_move_homes_and_lengths_become_microsteps),
         cmocka_unit_test(a_device_that_knows_its_place_is_not_homed),
         cmocka_unit_test(a_move_goes_as_fast_as_it_is_told),
+        cmocka_unit_test(a_speed_that_is_named_is_set_again_after_a_kill),
+        cmocka_unit_test(a_speed_that_may_be_of_a_killed_process_is_told),
+        cmocka_unit_test(a_speed_that_the_device_has_is_left_alone),
         cmocka_unit_test(with_manual_homing_it_waits_for_it),
         cmocka_unit_test(it_reaches_as_far_as_the_device_and_the_options_say),
         cmocka_unit_test(answers_that_stay_away_or_are_garbled_are_asked_for_again),
