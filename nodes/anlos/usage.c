@@ -235,7 +235,7 @@ static int print_names(const struct usage *u, const char *name)
     while (o->name && strcmp(o->name, name))
         o++;
     if (!o->name)
-        return usage_error(u->command, "--help=%s: no such option", name);
+        return usage_error(u->command, "--help=%s: there is no option --%s", name, name);
     if (!o->names)
         return usage_error(u->command, "--help=%s: --%s has no list of values", name,
                            name);

@@ -688,7 +688,7 @@ static void wrong_arguments_are_told_with_a_hint(void **state)
     expect_usage(WORDS("--survey"), "--survey: expected a value");
     expect_usage(WORDS("--zzz"), "--zzz: no such option");
     expect_usage(WORDS("-q"), "-q: no such option");
-    expect_usage(WORDS("--help=x"), "--help: takes no value");
+    expect_usage(WORDS("--help=x"), "--help=x: there is no option --x");
     expect_usage(WORDS("--out", "x"), "a RECORDING is missing: its folder or bag");
     expect_usage(WORDS("--wav", "x"), "--survey FILE is missing");
     expect_usage(WORDS("--survey", "x"), "--wav DIR is missing");
@@ -700,7 +700,7 @@ static void wrong_arguments_are_told_with_a_hint(void **state)
     expect_usage(WORDS("--compression", "zip"), "matched_filter");
     expect_usage(
         WORDS("--survey", "x", "--wav", "y", "--out", "z", "--method", "magic"),
-        "--method magic: no such method; expected one of auto, fast, backprojection");
+        "--method magic: expected auto, fast, backprojection, confocal, lct, paper");
     expect_usage(WORDS("--method", "backprojektion"), "did you mean backprojection?");
     expect_usage(WORDS("--survey", "x", "--wav", "y", "--out", "z", "--method", "fk"),
                  "--method fk: only for --confocal");

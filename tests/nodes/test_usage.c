@@ -141,7 +141,7 @@ static void a_wrong_option_ends_with_what_is_wrong_with_it(void **state)
         {"--shape=", "anlos x: --shape : expected round, square or flat\n"},
         {"--shape=sqaure", "anlos x: --shape sqaure: expected round, square or flat; did "
                            "you mean square?\n"},
-        {"--help=shpae", "anlos x: --help=shpae: no such option\n"},
+        {"--help=shpae", "anlos x: --help=shpae: there is no option --shpae\n"},
         {"--help=out", "anlos x: --help=out: --out has no list of values\n"},
         {"-w", "anlos x: -w: no such option\n"}, /* it has no short form */
     };
