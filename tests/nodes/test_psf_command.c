@@ -81,6 +81,17 @@ static void a_recorded_point_has_the_aperture_s_widths(void **state)
     assert_int_equal(access(path, R_OK), 0);
 }
 
+static void a_method_may_be_chosen_for_it(void **state)
+{
+    struct recorded *f = *state;
+    struct command_result r;
+    char *words[] = {"psf",      "--survey", f->survey, "--wav", f->scene,
+                     "--method", "auto",     "--out",   f->out,  NULL};
+    command_run(&r, command_psf, words);
+    assert_string_equal(r.err, "");
+    assert_int_equal(r.code, 0);
+}
+
 static void the_geometry_alone_gives_them_too(void **state)
 {
     struct recorded *f = *state;
@@ -339,6 +350,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         test(a_recorded_point_has_the_aperture_s_widths),
+        test(a_method_may_be_chosen_for_it),
         test(the_geometry_alone_gives_them_too),
         test(a_place_that_is_not_before_the_array_is_refused),
         test(without_a_folder_it_only_prints),

@@ -284,22 +284,22 @@ const char *recon_sound_method_name(size_t i)
 {
     const char *m = imager_methods();
 
-    while (*m && i--)
+    if (!i)
+        return recon_auto_name;
+    while (*m && --i)
         m += strlen(m) + 1;
     return *m ? m : NULL;
 }
 
-/* auto, those of sound, and what only light has. */
+/* Those of sound, and what only light has. */
 const char *recon_method_name(size_t i)
 {
-    size_t n = 1;
+    size_t n = 0;
 
-    if (!i)
-        return recon_auto_name;
-    while (recon_sound_method_name(n - 1))
+    while (recon_sound_method_name(n))
         n++;
     if (i < n)
-        return recon_sound_method_name(i - 1);
+        return recon_sound_method_name(i);
     for (const char *m = confocal_methods(); *m; m += strlen(m) + 1)
         if (!imager_has_method(m) && i-- == n)
             return m;
