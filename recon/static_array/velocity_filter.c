@@ -120,8 +120,7 @@ struct sight {
     double from_m[3]; /* the middle of the array in the middle of the pings' time */
     double y_m, range_m, angle_rad;
     double across_m, end_across_m; /* steps */
-    double ego_m_s[2];             /* of the array over ground: across, along; */
-    double brakes_m_s;             /* what it changes by, from the mean on */
+    double ego_m_s[2];             /* of the array over ground: across, along */
 };
 
 static void find_sight(const struct velocity_filter *v, const double at_m[3],
@@ -143,11 +142,6 @@ static void find_sight(const struct velocity_filter *v, const double at_m[3],
     double sine = sin(out->angle_rad), cosine = cos(out->angle_rad);
     out->ego_m_s[0] = ego_m_s[0] * cosine - ego_m_s[2] * sine;
     out->ego_m_s[1] = ego_m_s[0] * sine + ego_m_s[2] * cosine;
-    for (size_t k = 0; k < v->n_looks; k++) {
-        const double *now_m_s = v->looks[k].velocity_m_s;
-        double off_m_s = hypot(now_m_s[0] - ego_m_s[0], now_m_s[2] - ego_m_s[2]);
-        out->brakes_m_s = fmax(out->brakes_m_s, off_m_s);
-    }
 }
 
 /* As far from the array whatever its height over the plane of the image. */
@@ -356,21 +350,17 @@ struct course {
 
 /* What rests over a line array's plane, under it or behind it comes nearer as slowly as
  * the cosine of its elevation has it: over ground it seems to go with the vehicle, up to
- * twice as fast as that. */
+ * twice as fast as that.  All in steps, of which those along the sight are far finer. */
 static bool may_rest(const struct velocity_filter *v, const struct sight *s, int across,
                      int along)
 {
-    double x = s->end_across_m * across / v->half_s, z = END_ALONG_M * along / v->half_s;
-    const double *ego = s->ego_m_s;
-    double speed2 = ego[0] * ego[0] + ego[1] * ego[1];
-    double part = speed2 > 0.0 ? (x * ego[0] + z * ego[1]) / speed2 : 0.0;
+    double x = s->ego_m_s[0] * v->half_s / s->end_across_m;
+    double z = s->ego_m_s[1] * v->half_s / END_ALONG_M;
+    double way2 = x * x + z * z;
+    double part = way2 > 0.0 ? (across * x + along * z) / way2 : 0.0;
 
     part = fmin(fmax(part, 0.0), 2.0);
-    double across_m_s = REST_STEPS * s->end_across_m / v->half_s;
-    double along_m_s = REST_STEPS * END_ALONG_M / v->half_s;
-    double more_m_s = REST_BRAKES * part * s->brakes_m_s;
-    return fabs(x - part * ego[0]) < across_m_s + more_m_s &&
-           fabs(z - part * ego[1]) < along_m_s + more_m_s;
+    return fabs(across - part * x) < REST_STEPS && fabs(along - part * z) < REST_STEPS;
 }
 
 /* And the most of what may rest. */

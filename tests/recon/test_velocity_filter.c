@@ -572,6 +572,21 @@ static void a_point_at_rest_elsewhere_is_no_mover(void **state)
     expect_rest_is_none((const double[3]){2.0 * x, 1.0, 2.0 * z});
 }
 
+/* Higher than is looked for at rest: across the sight its course is hardly known, along
+ * it all the better. */
+static void a_point_high_overhead_is_no_mover(void **state)
+{
+    (void)state;
+    static struct scene s;
+    const double at_m[][3] = {{-1.4, 2.4, 2.2}, {1.0, 2.6, 2.2}, {1.4, 2.6, 1.0}};
+    for (size_t q = 0; q < 3; q++) {
+        scene_default(&s, 8, -2.0);
+        add_rest(&s, at_m[q]);
+        expect_none(&s);
+        assert_int_equal(s.found.n_ambiguous, 1);
+    }
+}
+
 static void a_plane_at_rest_is_no_mover(void **state)
 {
     (void)state;
@@ -648,6 +663,7 @@ int main(void)
         cmocka_unit_test(a_point_at_rest_is_no_mover),
         cmocka_unit_test(a_point_at_rest_to_one_side_is_no_mover),
         cmocka_unit_test(a_point_at_rest_elsewhere_is_no_mover),
+        cmocka_unit_test(a_point_high_overhead_is_no_mover),
         cmocka_unit_test(a_plane_at_rest_is_no_mover),
         cmocka_unit_test(what_is_slow_is_no_mover),
         cmocka_unit_test(fewer_than_two_pings_tell_of_no_mover),
