@@ -457,7 +457,7 @@ static void remove_older(const char *folder, const char *fresh)
 int report_write(const struct report *r, const char *folder, struct error *why)
 {
     struct export_stage stage;
-    char failed[160];
+    char failed[160] = "";
     int err = export_stage_begin(&stage, folder, why);
 
     if (err)
