@@ -214,15 +214,30 @@ int processing_plan(struct processing *out, const struct survey *s, struct error
     }
 
     p.gate_s[0] = fmax(2.0 * p.gate_m[0] / s->sound_speed_m_s, delays_s[0]);
-    p.gate_s[1] = fmin(fmin(delays_s[1], reach_s), quiet_until_s(s, p.band_hz));
+    p.quiet_s = quiet_until_s(s, p.band_hz);
+    p.gate_s[1] = fmin(fmin(delays_s[1], reach_s), p.quiet_s);
     if (s->has_gate)
         p.gate_s[1] = fmin(p.gate_s[1], 2.0 * p.gate_m[1] / s->sound_speed_m_s);
     widen_gate(p.gate_s, LEAST_SPAN / (p.band_hz[1] - p.band_hz[0]),
-               fmin(reach_s, quiet_until_s(s, p.band_hz)));
+               fmin(reach_s, p.quiet_s));
     p.ping_samples = s->slot_samples + tail_samples(s);
     p.echo_samples = s->slot_samples + tail_echo_samples(s);
     *out = p;
     return 0;
+}
+
+void processing_listen_beyond(struct processing *p, const struct survey *s)
+{
+    double delays_s[2], until_s;
+
+    if (s->n_positions > 1 || s->pings_m || survey_overlaps(s))
+        return;
+    grid_delays(&p->grid, &p->geometry, delays_s);
+    until_s = ((double)p->ping_samples - s->latency_samples) / s->sample_rate_hz -
+              s->chirp_duration_s;
+    until_s = fmin(fmin(until_s, delays_s[1]),
+                   2.0 * (p->gate_m[1] + PROCESSING_BEYOND_M) / s->sound_speed_m_s);
+    p->gate_s[1] = fmax(p->gate_s[1], until_s);
 }
 
 static void configure(struct pulse_compress_config *cfg, const struct processing *p,

@@ -16,6 +16,7 @@ struct processing {
     double band_hz[2];
     double gate_m[2]; /* as asked for, or the default */
     double gate_s[2]; /* delays that the grid needs, inside the gate */
+    double quiet_s;   /* from this delay on the next emission is heard, too */
     double reach_s;   /* 0; else a compressor gives more (dsp/pulse_compress.h) */
     struct grid grid;
     size_t ping_samples; /* slot and tail, with the next emission whole */
@@ -32,6 +33,12 @@ struct chirp processing_chirp(const struct survey *s);
 /* The survey must outlive *out.  0, -EINVAL (gate beyond the slot; the error names
  * the field and the limit), -EFBIG. */
 int processing_plan(struct processing *out, const struct survey *s, struct error *why);
+
+/* As far as PROCESSING_BEYOND_M beyond the gate of a static array, where the grid and a
+ * whole ping reach: who comes from there is heard before he is in it.  Beyond quiet_s
+ * that asks for recon/frontend/own_sound.h. */
+#define PROCESSING_BEYOND_M 0.6
+void processing_listen_beyond(struct processing *p, const struct survey *s);
 
 /* A pulse compressor for it; microphones are taken from the survey's responses. */
 int processing_compressor(struct pulse_compress **out, const struct processing *p,

@@ -12,6 +12,7 @@
 #include "dsp/tone_finder.h"
 #include "recon/frontend/channel_check.h"
 #include "recon/frontend/interference.h"
+#include "recon/frontend/own_sound.h"
 
 /* That a sound from outside is none of the place. */
 #define LONGEST_NS INT64_C(500000000)
@@ -40,6 +41,7 @@ struct frontend {
     bool fits;         /* the newest ping */
     struct recorded_background *recorded;
     struct mean_background *mean; /* of a static array */
+    struct own_sound *own;        /* NULL: it is not told apart from the background */
     struct blanker *blanker;
     struct interference *interference;
     struct tone_finder *tones; /* NULL: pings are too short for it, or it is a scan */
@@ -76,6 +78,7 @@ void frontend_forget(struct frontend *f)
     compressor_destroy(f->compressor);
     recorded_background_destroy(f->recorded);
     mean_background_destroy(f->mean);
+    own_sound_destroy(f->own);
     blanker_destroy(f->blanker);
     interference_destroy(f->interference);
     tone_finder_destroy(f->tones);
@@ -96,18 +99,45 @@ void frontend_forget(struct frontend *f)
                            .ambient_c = f->ambient_c};
 }
 
+/* An adaptive background is of a static array, and while the vehicle moves its own sound
+ * takes the background's place. */
+static bool listens_beyond(const struct frontend *f)
+{
+    return f->cfg.background == BACKGROUND_ADAPTIVE &&
+           f->cfg.compression == COMPRESSION_MATCHED_FILTER;
+}
+
+/* Of the traces; the number of them where it comes later. */
+static size_t first_sample_at(const struct trace_format *t, double delay_s)
+{
+    double sample = ceil((delay_s - t->t0_s) * t->rate_hz);
+
+    return (size_t)fmin(fmax(sample, 0.0), (double)t->n_samples);
+}
+
 /* Judged by what lies in the gate. */
 static int create_blanker(struct frontend *f)
 {
     const struct trace_format *t = &f->format;
-    double from = ceil((f->processing.gate_s[0] - t->t0_s) * t->rate_hz);
+    size_t from = first_sample_at(t, f->processing.gate_s[0]);
+    size_t quiet = first_sample_at(t, f->processing.quiet_s);
     struct blanker_config cfg = {.n_channels = f->survey.n_microphones,
                                  .n_samples = t->n_samples,
-                                 .until = t->n_samples,
+                                 .from = from < t->n_samples ? from : t->n_samples - 1,
+                                 .until = listens_beyond(f) ? quiet : t->n_samples,
                                  .longest_ns = LONGEST_NS};
 
-    cfg.from = (size_t)fmin(fmax(from, 0.0), (double)t->n_samples - 1.0);
     return blanker_create(&f->blanker, &cfg);
+}
+
+static int create_own_sound(struct frontend *f)
+{
+    const struct trace_format *t = &f->format;
+
+    if (!listens_beyond(f))
+        return 0;
+    return own_sound_create(&f->own, f->survey.n_speakers, f->survey.n_microphones,
+                            t->n_samples, first_sample_at(t, f->processing.quiet_s));
 }
 
 /* Of a static array whose pings are long enough.  0, -ENOMEM. */
@@ -156,6 +186,8 @@ static int allocate(struct frontend *f)
         err = interference_create(&f->interference, &f->survey, &f->format);
     if (!err)
         err = create_tone_finder(f);
+    if (!err)
+        err = create_own_sound(f);
     if (!err)
         err = mean_background_create(&f->mean, f->survey.n_speakers, n_mics,
                                      f->format.n_samples, f->cfg.background_s);
@@ -238,6 +270,8 @@ static int plan(struct frontend *f, const struct survey *survey, struct error *w
     if (err)
         return error_say(why, err, "survey: %s", strerror(-err));
     err = processing_plan(&f->processing, &f->survey, why);
+    if (!err && listens_beyond(f))
+        processing_listen_beyond(&f->processing, &f->survey);
     if (!err)
         err = plan_compression(f, why);
     if (err)
@@ -316,6 +350,14 @@ static bool stands_during(const struct frontend *f, int64_t from_ns)
         stands = p->stamp_ns[k] < from_ns || p->stamp_ns[k] > to_ns ||
                  is_slow(&p->motion[k]);
     return stands;
+}
+
+/* As it is told, not only for want of news. */
+static bool moves_at(const struct frontend *f, int64_t at_ns)
+{
+    struct ego_motion now;
+
+    return f->ego_heard && !ego_path_at(&f->ego, at_ns, &now) && !is_slow(&now);
 }
 
 /* -- microphones ------------------------------------------------------------------------
@@ -603,7 +645,12 @@ void frontend_ping(struct frontend *f, const struct ping *ping,
         out->outcome = FRONTEND_KEPT;
         return;
     }
+    if (f->own)
+        own_sound_subtract(f->own, ping->speaker, moves_at(f, ping->capture_ns),
+                           f->traces);
     bool blanked, subtracted = subtract_background(f, ping, &blanked);
+    if (f->own && !subtracted)
+        own_sound_mute(f->own, ping->speaker, f->traces);
     if (subtracted && !ping->frame && !out->note[0])
         recorded_background_judge(f->recorded, out->note, sizeof out->note);
     if (blanked)

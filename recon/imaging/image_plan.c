@@ -4,7 +4,7 @@
 #include <string.h>
 
 int image_plan_create(struct image_plan *p, const struct survey *survey,
-                      enum compression compression, struct error *why)
+                      enum compression compression, bool beyond, struct error *why)
 {
     *p = (struct image_plan){.survey_id = 0};
     int err = survey_copy(&p->survey, survey);
@@ -13,6 +13,9 @@ int image_plan_create(struct image_plan *p, const struct survey *survey,
         error_say(why, err, "survey: %s", strerror(-err));
     else
         err = processing_plan(&p->processing, &p->survey, why);
+    p->beyond = beyond && compression == COMPRESSION_MATCHED_FILTER;
+    if (!err && p->beyond)
+        processing_listen_beyond(&p->processing, &p->survey);
     if (!err)
         err = compressor_format_of(&p->format, &p->processing, &p->survey, compression,
                                    why);
@@ -35,9 +38,11 @@ bool image_plan_fits(const struct image_plan *p, const struct traces *t)
 
     return p->survey_id && t->samples && t->survey_id == p->survey_id &&
            t->n_microphones == p->survey.n_microphones &&
-           t->format.n_samples == f->n_samples && t->format.t0_s == f->t0_s &&
-           t->format.rate_hz == f->rate_hz && t->format.carrier_hz == f->carrier_hz &&
-           t->position < p->survey.n_positions && t->speaker < p->survey.n_speakers;
+           (t->format.n_samples == f->n_samples ||
+            (p->beyond && t->format.n_samples < f->n_samples)) &&
+           t->format.t0_s == f->t0_s && t->format.rate_hz == f->rate_hz &&
+           t->format.carrier_hz == f->carrier_hz && t->position < p->survey.n_positions &&
+           t->speaker < p->survey.n_speakers;
 }
 
 void image_plan_volume(const struct image_plan *p, const float *intensity,

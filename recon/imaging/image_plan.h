@@ -17,12 +17,14 @@ struct image_plan {
     uint64_t survey_id;   /* 0: none yet */
     struct processing processing;
     struct trace_format format; /* of the traces, known before the first of them */
+    bool beyond;                /* they may be longer than what the gate holds */
 };
 
-/* compression as the front end has it.  0, or a negative errno and an error; then p needs
- * no image_plan_clear. */
+/* compression as the front end has it.  beyond: it may hear beyond the gate, as far as
+ * processing_listen_beyond, or not as far.  0, or a negative errno and an error; then p
+ * needs no image_plan_clear. */
 int image_plan_create(struct image_plan *p, const struct survey *survey,
-                      enum compression compression, struct error *why);
+                      enum compression compression, bool beyond, struct error *why);
 void image_plan_clear(struct image_plan *p);
 
 /* Are they such as were planned for? */

@@ -80,7 +80,7 @@ int scan_imager_survey(struct scan_imager *r, const struct survey *survey,
                        struct error *why)
 {
     scan_imager_forget(r);
-    int err = image_plan_create(&r->plan, survey, r->cfg.compression, why);
+    int err = image_plan_create(&r->plan, survey, r->cfg.compression, false, why);
     r->plan.processing.imaging = r->cfg.options;
     if (!err)
         err = allocate(r, why);

@@ -170,7 +170,7 @@ int static_array_survey(struct static_array *s, const struct survey *given,
                         struct error *why)
 {
     static_array_forget(s);
-    int err = image_plan_create(&s->plan, given, s->cfg.compression, why);
+    int err = image_plan_create(&s->plan, given, s->cfg.compression, true, why);
     if (err)
         return err;
     const struct survey *survey = &s->plan.survey;
@@ -250,9 +250,12 @@ static bool ends_frame(struct round *r, uint32_t frame)
 static void add(struct static_array *s, const struct traces *t)
 {
     const struct trace_format *format = &s->plan.format;
-    size_t n_mics = s->plan.survey.n_microphones;
+    size_t n_mics = s->plan.survey.n_microphones, n = t->format.n_samples;
 
-    memcpy(s->traces, t->samples, n_mics * format->n_samples * sizeof *s->traces);
+    memset(s->traces, 0, n_mics * format->n_samples * sizeof *s->traces);
+    for (size_t m = 0; m < n_mics; m++)
+        memcpy(s->traces + m * format->n_samples, t->samples + m * n,
+               n * sizeof *s->traces);
     first_return_mute(&s->first, &s->plan.survey, s->has_path ? &s->path : NULL,
                       t->speaker, t->capture_ns, format, s->traces);
     const struct frames_ping ping = {.stamp_ns = t->capture_ns,

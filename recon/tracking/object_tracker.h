@@ -9,6 +9,9 @@
  * (mirrored = false).  What is not known of the wall is in what is listed: its errors in
  * the covariance of a place, whether it is there at all in the existence.
  *
+ * Who comes from beyond the gate is told as soon as he is followed there, as far as he is
+ * heard (processing_listen_beyond); of the view, which ends at the gate, he is no part.
+ *
  * Over ground a vehicle that says nothing of its motion, ever, counts as standing.  One
  * that stops saying it is taken to move on as it did; after EGO_MAX_AGE_NS of that the
  * list says ego_unknown and the tracks become less certain quickly. */
