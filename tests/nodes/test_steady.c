@@ -78,7 +78,9 @@ static Anlos__Survey *message_of(const struct survey *s)
     return m;
 }
 
-static void start(struct rig *r, bool has_mount, const struct static_array_config *cfg)
+/* The gate ends at far_m; beyond: traces go on as far as an array listens. */
+static void start_gated(struct rig *r, bool has_mount,
+                        const struct static_array_config *cfg, double far_m, bool beyond)
 {
     *r = (struct rig){.world = {.sound_speed_m_s = 343.0,
                                 .sample_rate_hz = 48000.0,
@@ -91,8 +93,11 @@ static void start(struct rig *r, bool has_mount, const struct static_array_confi
     for (int i = 0; i < MICROPHONES; i++)
         r->microphones_m[i][0] = i / 5.0 - 0.5;
     describe(r, has_mount);
+    r->survey.gate_m[1] = far_m;
     r->message = message_of(&r->survey);
     assert_int_equal(processing_plan(&r->processing, &r->survey, NULL), 0);
+    if (beyond)
+        processing_listen_beyond(&r->processing, &r->survey);
     assert_int_equal(compressor_create(&r->compressor, &r->processing, &r->survey,
                                        COMPRESSION_MATCHED_FILTER, WINDOW_HANN, NULL),
                      0);
@@ -103,6 +108,11 @@ static void start(struct rig *r, bool has_mount, const struct static_array_confi
     assert_non_null(r->y);
     assert_int_equal(steady_create(&r->steady, NULL, cfg), 0);
     assert_int_equal(steady_survey(r->steady, r->message, NULL), 0);
+}
+
+static void start(struct rig *r, bool has_mount, const struct static_array_config *cfg)
+{
+    start_gated(r, has_mount, cfg, 2.5, false);
 }
 
 static void stop(struct rig *r)
@@ -341,6 +351,28 @@ static void traces_of_another_survey_are_refused_and_counted(void **state)
     stop(&r);
 }
 
+/* The point is 1.5 m away, and the gate ends before it. */
+static void traces_may_end_with_the_gate_or_go_on_beyond(void **state)
+{
+    (void)state;
+    for (int beyond = 0; beyond <= 1; beyond++) {
+        struct rig r;
+        Anlos__Volume v;
+        size_t n[3];
+        start_gated(&r, true, &each_frame, 1.3, beyond);
+        for (size_t k = 0; k < SPEAKERS; k++)
+            assert_int_equal(ping(&r, k), k == SPEAKERS - 1);
+        assert_string_equal(r.note, "");
+        steady_image(r.steady, &v);
+        assert_int_equal(v.pings_used, SPEAKERS);
+        const float *x = tensor_f32(v.intensity, 3, n);
+        assert_non_null(x);
+        assert_true((off_m(&r, &v, SPEAKERS - 1) < 0.011) == beyond);
+        assert_true((x[(size_t)50 * n[2] + 30] > 0.0f) == beyond); /* its place */
+        stop(&r);
+    }
+}
+
 static void a_survey_of_a_stage_is_refused(void **state)
 {
     (void)state;
@@ -501,6 +533,7 @@ int main(void)
         cmocka_unit_test(motion_that_is_no_longer_said_is_unknown_and_counted),
         cmocka_unit_test(motion_called_invalid_is_not_taken),
         cmocka_unit_test(without_a_mount_motion_cannot_be_made_up_for_and_that_is_said),
+        cmocka_unit_test(traces_may_end_with_the_gate_or_go_on_beyond),
         cmocka_unit_test(traces_of_another_survey_are_refused_and_counted),
         cmocka_unit_test(a_survey_of_a_stage_is_refused),
     };

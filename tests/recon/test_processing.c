@@ -289,6 +289,71 @@ static void a_falling_chirp_has_the_same_band(void **state)
     assert_near(f.p.band_hz[1], 20000.0, 0.0);
 }
 
+/* A static one, whose slot of 24 ms reaches 4.08 m. */
+static struct fixture bumper(double far_m)
+{
+    struct fixture f = paper_array();
+
+    f.s.n_positions = 1;
+    f.s.slot_samples = 1152;
+    f.s.chirp_duration_s = 0.02;
+    f.s.has_gate = true;
+    f.s.gate_m[0] = 1.5;
+    f.s.gate_m[1] = far_m;
+    set_volume(&f, 2.0, 6.0, 0.1);
+    return f;
+}
+
+static double listen(struct fixture *f)
+{
+    assert_int_equal(plan(f), 0);
+    processing_listen_beyond(&f->p, &f->s);
+    return f->p.gate_s[1];
+}
+
+static void a_static_array_listens_beyond_its_gate(void **state)
+{
+    (void)state;
+    struct fixture f = bumper(3.0);
+    assert_near(listen(&f), 2.0 * 3.6 / 340.0, 1e-12);
+    assert_near(f.p.gate_m[1], 3.0, 0.0);
+    f = bumper(4.0);
+    assert_near(listen(&f), 2.0 * 4.6 / 340.0, 1e-12);
+    /* There the next one is heard, from the nearest microphone on. */
+    assert_near(f.p.quiet_s, 0.024 + 0.08 / 340.0 - 10.0 / 18000.0, 1e-12);
+}
+
+static void it_listens_as_far_as_there_is_a_whole_chirp_and_a_voxel(void **state)
+{
+    (void)state;
+    struct fixture f = bumper(4.0);
+    double delays_s[2];
+
+    f.s.latency_samples = 100.0;
+    assert_near(listen(&f), (2304.0 - 100.0) / 48000.0 - 0.02, 1e-12);
+    f = bumper(3.4);
+    set_volume(&f, 2.0, 3.6, 0.1);
+    double until_s = listen(&f);
+    grid_delays(&f.p.grid, &f.p.geometry, delays_s);
+    assert_near(until_s, fmin(delays_s[1], 2.0 * 4.0 / 340.0), 1e-12);
+}
+
+static void an_array_on_a_stage_listens_within_its_gate(void **state)
+{
+    (void)state;
+    struct fixture f = bumper(4.0);
+    f.s.n_positions = 3;
+    assert_int_equal(plan(&f), 0);
+    double until_s = f.p.gate_s[1];
+    assert_true(listen(&f) == until_s);
+    f = bumper(2.0);
+    set_volume(&f, 1.6, 6.0, 0.1);
+    f.s.slot_samples = 720; /* shorter than the chirp: emissions overlap */
+    assert_int_equal(plan(&f), 0);
+    until_s = f.p.gate_s[1];
+    assert_true(listen(&f) == until_s);
+}
+
 static void a_method_that_does_not_exist_is_told_with_those_that_do(void **state)
 {
     (void)state;
@@ -321,6 +386,9 @@ int main(void)
         cmocka_unit_test(a_volume_of_one_voxel_has_samples_for_every_interpolator),
         cmocka_unit_test(a_volume_of_too_many_voxels_is_refused),
         cmocka_unit_test(a_falling_chirp_has_the_same_band),
+        cmocka_unit_test(a_static_array_listens_beyond_its_gate),
+        cmocka_unit_test(it_listens_as_far_as_there_is_a_whole_chirp_and_a_voxel),
+        cmocka_unit_test(an_array_on_a_stage_listens_within_its_gate),
         cmocka_unit_test(a_method_that_does_not_exist_is_told_with_those_that_do),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
