@@ -15,6 +15,7 @@ struct heard {     /* a ping before */
 
 struct async_pulse {
     struct async_pulse_config cfg;
+    size_t n;       /* samples that count */
     size_t n_known; /* of the pings before, up to ASYNC_PULSE_PINGS */
     struct heard pings[ASYNC_PULSE_PINGS + 1]; /* this one, the one before, ... */
     float *most[ASYNC_PULSE_PINGS];            /* [n_samples] */
@@ -24,12 +25,13 @@ struct async_pulse {
 int async_pulse_create(struct async_pulse **out, const struct async_pulse_config *cfg)
 {
     *out = NULL;
-    if (!cfg->n_channels || !cfg->n_samples)
+    if (!cfg->n_channels || !cfg->n_samples || cfg->until > cfg->n_samples)
         return -EINVAL;
     struct async_pulse *a = calloc(1, sizeof *a);
     if (!a)
         return -ENOMEM;
     a->cfg = *cfg;
+    a->n = cfg->until ? cfg->until : cfg->n_samples;
     a->ahead = calloc(cfg->n_samples, sizeof *a->ahead);
     a->behind = calloc(cfg->n_samples, sizeof *a->behind);
     bool all = a->ahead && a->behind;
@@ -82,7 +84,7 @@ static void take_powers(size_t n, const float *restrict x, float *restrict out)
  * maxima of blocks as long as the window, from both of their ends). */
 static void take_maxima(struct async_pulse *a, const float *x, size_t reach, float *out)
 {
-    size_t n = a->cfg.n_samples, whole = 2 * reach + 1;
+    size_t n = a->n, whole = 2 * reach + 1;
 
     for (size_t i = 0; i < n; i++)
         a->ahead[i] = i % whole ? fmaxf(a->ahead[i - 1], x[i]) : x[i];
@@ -102,7 +104,7 @@ static void take_maxima(struct async_pulse *a, const float *x, size_t reach, flo
 
 static void mark(const struct async_pulse *a, size_t at, uint8_t *foreign)
 {
-    size_t guard = a->cfg.guard, n = a->cfg.n_samples;
+    size_t guard = a->cfg.guard, n = a->n;
     size_t from = at > guard ? at - guard : 0, to = at + guard < n ? at + guard : n - 1;
 
     memset(foreign + from, 1, to - from + 1);
@@ -112,12 +114,12 @@ static void mark(const struct async_pulse *a, size_t at, uint8_t *foreign)
 static bool judge(struct async_pulse *a, size_t m, const size_t reach[ASYNC_PULSE_PINGS],
                   uint8_t *foreign)
 {
-    size_t n = a->cfg.n_samples;
-    const float *now = a->pings[0].powers + m * n;
+    size_t n = a->n, first = m * a->cfg.n_samples;
+    const float *now = a->pings[0].powers + first;
     bool any = false;
 
     for (size_t k = 0; k < ASYNC_PULSE_PINGS; k++)
-        take_maxima(a, a->pings[k + 1].powers + m * n, reach[k] < n ? reach[k] : n - 1,
+        take_maxima(a, a->pings[k + 1].powers + first, reach[k] < n ? reach[k] : n - 1,
                     a->most[k]);
     for (size_t i = 0; i < n; i++) {
         float least = a->most[0][i];

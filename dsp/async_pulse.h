@@ -30,6 +30,7 @@
 
 struct async_pulse_config {
     size_t n_channels, n_samples; /* of a trace */
+    size_t until;                 /* of them count; 0: all */
     size_t guard;                 /* samples on either side of a foreign one: its pulse */
 };
 

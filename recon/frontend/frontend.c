@@ -115,16 +115,22 @@ static size_t first_sample_at(const struct trace_format *t, double delay_s)
     return (size_t)fmin(fmax(sample, 0.0), (double)t->n_samples);
 }
 
+/* The samples of a trace before the next emission is heard. */
+static size_t quiet(const struct frontend *f)
+{
+    return listens_beyond(f) ? first_sample_at(&f->format, f->processing.quiet_s)
+                             : f->format.n_samples;
+}
+
 /* Judged by what lies in the gate. */
 static int create_blanker(struct frontend *f)
 {
     const struct trace_format *t = &f->format;
     size_t from = first_sample_at(t, f->processing.gate_s[0]);
-    size_t quiet = first_sample_at(t, f->processing.quiet_s);
     struct blanker_config cfg = {.n_channels = f->survey.n_microphones,
                                  .n_samples = t->n_samples,
                                  .from = from < t->n_samples ? from : t->n_samples - 1,
-                                 .until = listens_beyond(f) ? quiet : t->n_samples,
+                                 .until = quiet(f),
                                  .longest_ns = LONGEST_NS};
 
     return blanker_create(&f->blanker, &cfg);
@@ -132,12 +138,10 @@ static int create_blanker(struct frontend *f)
 
 static int create_own_sound(struct frontend *f)
 {
-    const struct trace_format *t = &f->format;
-
     if (!listens_beyond(f))
         return 0;
     return own_sound_create(&f->own, f->survey.n_speakers, f->survey.n_microphones,
-                            t->n_samples, first_sample_at(t, f->processing.quiet_s));
+                            f->format.n_samples, quiet(f));
 }
 
 /* Of a static array whose pings are long enough.  0, -ENOMEM. */
@@ -183,7 +187,7 @@ static int allocate(struct frontend *f)
     if (!err)
         err = create_blanker(f);
     if (!err)
-        err = interference_create(&f->interference, &f->survey, &f->format);
+        err = interference_create(&f->interference, &f->survey, &f->format, quiet(f));
     if (!err)
         err = create_tone_finder(f);
     if (!err)

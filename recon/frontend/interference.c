@@ -32,7 +32,7 @@ struct interference {
 };
 
 int interference_create(struct interference **out, const struct survey *s,
-                        const struct trace_format *format)
+                        const struct trace_format *format, size_t until)
 {
     struct interference *i = calloc(1, sizeof *i);
     double band_hz = fabs(s->chirp_stop_hz - s->chirp_start_hz);
@@ -51,6 +51,7 @@ int interference_create(struct interference **out, const struct survey *s,
             &i->pulses, &(struct async_pulse_config){
                             .n_channels = s->n_microphones,
                             .n_samples = format->n_samples,
+                            .until = until,
                             .guard = (size_t)ceil(PULSES * format->rate_hz / band_hz)});
     if (err) {
         interference_destroy(i);

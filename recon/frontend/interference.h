@@ -43,9 +43,10 @@ struct interference_levels {
 
 struct interference;
 
-/* Copies what it needs.  format: of the traces.  0, -EINVAL, -ENOMEM. */
+/* Copies what it needs.  format: of the traces, of which the first `until` samples are
+ * looked at: behind them the next emission is heard, too.  0, -EINVAL, -ENOMEM. */
 int interference_create(struct interference **out, const struct survey *s,
-                        const struct trace_format *format);
+                        const struct trace_format *format, size_t until);
 
 struct interference_ping {
     const struct ping *ping;

@@ -97,6 +97,27 @@ static void what_jumps_is_foreign_with_its_pulse_and_nothing_else(void **state)
     }
 }
 
+/* What jumps behind them is not looked at, and hides nothing that jumps before. */
+static void only_the_samples_that_count_are_foreign(void **state)
+{
+    static const size_t at[] = {20, 60, 100, 150, 130, 118};
+    const struct async_pulse_config cfg = {
+        .n_channels = CHANNELS, .n_samples = SAMPLES, .until = 120, .guard = GUARD};
+    struct rig *r = *state;
+
+    async_pulse_destroy(r->a);
+    assert_int_equal(async_pulse_create(&r->a, &cfg), 0);
+    for (size_t k = 0; k < 6; k++) {
+        hear(r, CHANNELS, at[k]);
+        assert_true(execute(r) == (k == 2 || k == 5));
+        for (size_t m = 0; m < CHANNELS; m++)
+            for (size_t i = 0; i < SAMPLES; i++)
+                assert_int_equal(r->foreign[m][i], (k == 2 || k == 5) && i < cfg.until &&
+                                                       i + GUARD >= at[k] &&
+                                                       i <= at[k] + GUARD);
+    }
+}
+
 /* An echo of ours is in both pings before; one that was there in one of them is not. */
 static void what_was_there_in_one_ping_of_the_two_is_foreign(void **state)
 {
@@ -231,6 +252,9 @@ static void nothing_to_hold_against_each_other_is_refused(void **state)
                      -EINVAL);
     assert_int_equal(
         async_pulse_create(&a, &(struct async_pulse_config){.n_channels = 1}), -EINVAL);
+    const struct async_pulse_config long_ones = {
+        .n_channels = 1, .n_samples = 1, .until = 2};
+    assert_int_equal(async_pulse_create(&a, &long_ones), -EINVAL);
     assert_null(a);
 }
 
@@ -241,6 +265,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         TEST(what_moves_no_farther_than_its_reach_is_ours),
         TEST(what_jumps_is_foreign_with_its_pulse_and_nothing_else),
+        TEST(only_the_samples_that_count_are_foreign),
         TEST(what_was_there_in_one_ping_of_the_two_is_foreign),
         TEST(half_of_the_microphones_have_to_hear_it),
         TEST(a_microphone_that_was_masked_is_not_held_against_anything),

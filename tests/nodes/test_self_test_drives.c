@@ -41,7 +41,7 @@ struct drive {
     struct interference_levels interference;
     struct tone_found tone;
     bool subtracted; /* of the newest ping's traces: a background, */
-    bool silent;     /* and some samples are 0 */
+    bool silent;     /* and some samples in the gate are 0 */
     int64_t ego_ns;
     char note[512];
 };
@@ -122,8 +122,12 @@ static double go_on(struct drive *d)
     const struct traces *t = &out.traces;
     d->subtracted = t->background_subtracted;
     d->silent = false;
-    for (size_t i = 0; i < d->survey.n_microphones * t->format.n_samples; i++)
-        d->silent |= t->samples[i] == 0.0f;
+    for (size_t i = 0; i < d->survey.n_microphones * t->format.n_samples; i++) {
+        double delay_s = t->format.t0_s +
+                         (double)(i % t->format.n_samples) / t->format.rate_hz;
+        d->silent |= delay_s < 2.0 * d->survey.gate_m[1] / d->survey.sound_speed_m_s &&
+                     t->samples[i] == 0.0f;
+    }
     return 1e-9 * (double)(stamp_ns - d->world.begin_ns);
 }
 

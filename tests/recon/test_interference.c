@@ -39,7 +39,7 @@ static int setup(void **state)
     const struct trace_format format = {.rate_hz = 34000.0, .n_samples = SAMPLES};
     struct rig *r = calloc(1, sizeof *r);
 
-    if (!r || interference_create(&r->i, &s, &format))
+    if (!r || interference_create(&r->i, &s, &format, format.n_samples))
         return -1;
     r->now_ns = 1;
     r->subtracted = true;
