@@ -17,7 +17,7 @@ struct image_plan {
     uint64_t survey_id;   /* 0: none yet */
     struct processing processing;
     struct trace_format format; /* of the traces, known before the first of them */
-    bool beyond;                /* they may be longer than what the gate holds */
+    bool beyond;                /* they may be as long, or shorter */
 };
 
 /* compression as the front end has it.  beyond: it may hear beyond the gate, as far as

@@ -170,7 +170,8 @@ int static_array_survey(struct static_array *s, const struct survey *given,
                         struct error *why)
 {
     static_array_forget(s);
-    int err = image_plan_create(&s->plan, given, s->cfg.compression, true, why);
+    int err =
+        image_plan_create(&s->plan, given, s->cfg.compression, s->cfg.moving_only, why);
     if (err)
         return err;
     const struct survey *survey = &s->plan.survey;

@@ -27,7 +27,8 @@ struct static_array_config {
     size_t pings;                 /* in an image; 0: as in a frame */
     enum frames_sum sum;
     bool every_ping;  /* an image; else every frame */
-    bool moving_only; /* what stands still is muted where it was not subtracted */
+    bool moving_only; /* what stands still is muted where it was not subtracted; traces go
+                       * on beyond the gate, as with an adaptive background */
 };
 
 struct static_array;

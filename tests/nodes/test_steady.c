@@ -185,6 +185,8 @@ static double off_m(const struct rig *r, const Anlos__Volume *v, size_t k)
 
 static const struct static_array_config each_frame = {.threads = 1,
                                                       .sum = FRAMES_COHERENT};
+static const struct static_array_config listening = {
+    .threads = 1, .sum = FRAMES_COHERENT, .moving_only = true};
 static const struct static_array_config each_ping = {
     .threads = 1, .pings = 3, .sum = FRAMES_POWER, .every_ping = true};
 
@@ -359,7 +361,7 @@ static void traces_may_end_with_the_gate_or_go_on_beyond(void **state)
         struct rig r;
         Anlos__Volume v;
         size_t n[3];
-        start_gated(&r, true, &each_frame, 1.3, beyond);
+        start_gated(&r, true, &listening, 1.3, beyond);
         for (size_t k = 0; k < SPEAKERS; k++)
             assert_int_equal(ping(&r, k), k == SPEAKERS - 1);
         assert_string_equal(r.note, "");
