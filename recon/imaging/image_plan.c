@@ -13,12 +13,15 @@ int image_plan_create(struct image_plan *p, const struct survey *survey,
         error_say(why, err, "survey: %s", strerror(-err));
     else
         err = processing_plan(&p->processing, &p->survey, why);
-    p->beyond = beyond && compression == COMPRESSION_MATCHED_FILTER;
-    if (!err && p->beyond)
-        processing_listen_beyond(&p->processing, &p->survey);
     if (!err)
         err = compressor_format_of(&p->format, &p->processing, &p->survey, compression,
                                    why);
+    p->gate_samples = p->format.n_samples;
+    if (!err && beyond && compression == COMPRESSION_MATCHED_FILTER) {
+        processing_listen_beyond(&p->processing, &p->survey);
+        err = compressor_format_of(&p->format, &p->processing, &p->survey, compression,
+                                   why);
+    }
     if (err)
         image_plan_clear(p);
     else
@@ -39,7 +42,7 @@ bool image_plan_fits(const struct image_plan *p, const struct traces *t)
     return p->survey_id && t->samples && t->survey_id == p->survey_id &&
            t->n_microphones == p->survey.n_microphones &&
            (t->format.n_samples == f->n_samples ||
-            (p->beyond && t->format.n_samples < f->n_samples)) &&
+            t->format.n_samples == p->gate_samples) &&
            t->format.t0_s == f->t0_s && t->format.rate_hz == f->rate_hz &&
            t->format.carrier_hz == f->carrier_hz && t->position < p->survey.n_positions &&
            t->speaker < p->survey.n_speakers;

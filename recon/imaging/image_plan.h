@@ -5,6 +5,7 @@
 #define ANLOS_RECON_IMAGING_IMAGE_PLAN_H
 
 #include <stdbool.h>
+#include <stddef.h>
 
 #include "dsp/error.h"
 #include "recon/frontend/compressor.h"
@@ -17,12 +18,12 @@ struct image_plan {
     uint64_t survey_id;   /* 0: none yet */
     struct processing processing;
     struct trace_format format; /* of the traces, known before the first of them */
-    bool beyond;                /* they may be as long, or shorter */
+    size_t gate_samples;        /* of those that end with the gate: the same, or fewer */
 };
 
-/* compression as the front end has it.  beyond: it may hear beyond the gate, as far as
- * processing_listen_beyond, or not as far.  0, or a negative errno and an error; then p
- * needs no image_plan_clear. */
+/* compression as the front end has it.  beyond: its traces go on beyond the gate, as far
+ * as processing_listen_beyond, or end with it.  0, or a negative errno and an error; then
+ * p needs no image_plan_clear. */
 int image_plan_create(struct image_plan *p, const struct survey *survey,
                       enum compression compression, bool beyond, struct error *why);
 void image_plan_clear(struct image_plan *p);

@@ -253,10 +253,11 @@ static void add(struct static_array *s, const struct traces *t)
     const struct trace_format *format = &s->plan.format;
     size_t n_mics = s->plan.survey.n_microphones, n = t->format.n_samples;
 
-    memset(s->traces, 0, n_mics * format->n_samples * sizeof *s->traces);
-    for (size_t m = 0; m < n_mics; m++)
-        memcpy(s->traces + m * format->n_samples, t->samples + m * n,
-               n * sizeof *s->traces);
+    for (size_t m = 0; m < n_mics; m++) {
+        float complex *x = s->traces + m * format->n_samples;
+        memcpy(x, t->samples + m * n, n * sizeof *x);
+        memset(x + n, 0, (format->n_samples - n) * sizeof *x);
+    }
     first_return_mute(&s->first, &s->plan.survey, s->has_path ? &s->path : NULL,
                       t->speaker, t->capture_ns, format, s->traces);
     const struct frames_ping ping = {.stamp_ns = t->capture_ns,

@@ -16,6 +16,7 @@
 #include "msgs/tensor.h"
 #include "nodes/recon/steady.h"
 #include "recon/frontend/compressor.h"
+#include "recon/imaging/image_plan.h"
 #include "tests/recon/moving.h"
 
 enum { SPEAKERS = 4, MICROPHONES = 6, SLOT = 1152, MS = 1000000 };
@@ -35,6 +36,7 @@ struct rig {
     protobuf_c_boolean masked[MICROPHONES];
     bool subtracted; /* pings have a background */
     bool blanked;
+    int more; /* samples of traces than the compressor gives */
     char note[128];
 };
 
@@ -103,7 +105,7 @@ static void start_gated(struct rig *r, bool has_mount,
                      0);
     compressor_format(r->compressor, &r->format);
     r->rx = malloc(MICROPHONES * r->processing.ping_samples * sizeof *r->rx);
-    r->y = malloc(MICROPHONES * r->format.n_samples * sizeof *r->y);
+    r->y = calloc(MICROPHONES * (r->format.n_samples + 1), sizeof *r->y);
     assert_non_null(r->rx);
     assert_non_null(r->y);
     assert_int_equal(steady_create(&r->steady, NULL, cfg), 0);
@@ -143,8 +145,10 @@ static bool ping(struct rig *r, size_t k)
     t.scan = 1;
     t.frame = (uint32_t)(1 + k / SPEAKERS);
     t.speaker = (uint32_t)(k % SPEAKERS);
-    t.samples =
-        tensor_borrow_c64(&r->view, r->y, 2, (size_t)MICROPHONES, r->format.n_samples);
+    size_t whole = r->format.n_samples, n_samples = whole + (size_t)r->more;
+    for (size_t i = 0; i < MICROPHONES && r->more < 0; i++)
+        memmove(r->y + i * n_samples, r->y + i * whole, n_samples * sizeof *r->y);
+    t.samples = tensor_borrow_c64(&r->view, r->y, 2, (size_t)MICROPHONES, n_samples);
     t.t0_s = r->format.t0_s;
     t.rate_hz = r->format.rate_hz;
     t.carrier_hz = r->format.carrier_hz;
@@ -353,26 +357,73 @@ static void traces_of_another_survey_are_refused_and_counted(void **state)
     stop(&r);
 }
 
-/* The point is 1.5 m away, and the gate ends before it. */
+/* The point is 1.5 m away: the gate ends before it, or behind.  Both lengths are of one
+ * rate. */
 static void traces_may_end_with_the_gate_or_go_on_beyond(void **state)
 {
+    static const double far_m[] = {1.3, 1.95};
     (void)state;
-    for (int beyond = 0; beyond <= 1; beyond++) {
+    for (int k = 0; k < 4; k++) {
+        bool beyond = k & 1, heard = beyond || k >> 1;
         struct rig r;
         Anlos__Volume v;
         size_t n[3];
-        start_gated(&r, true, &listening, 1.3, beyond);
-        for (size_t k = 0; k < SPEAKERS; k++)
-            assert_int_equal(ping(&r, k), k == SPEAKERS - 1);
+        start_gated(&r, true, &listening, far_m[k >> 1], beyond);
+        for (size_t p = 0; p < SPEAKERS; p++)
+            assert_int_equal(ping(&r, p), p == SPEAKERS - 1);
         assert_string_equal(r.note, "");
         steady_image(r.steady, &v);
         assert_int_equal(v.pings_used, SPEAKERS);
         const float *x = tensor_f32(v.intensity, 3, n);
         assert_non_null(x);
-        assert_true((off_m(&r, &v, SPEAKERS - 1) < 0.011) == beyond);
-        assert_true((x[(size_t)50 * n[2] + 30] > 0.0f) == beyond); /* its place */
+        assert_true((off_m(&r, &v, SPEAKERS - 1) < 0.011) == heard);
+        assert_true((x[(size_t)50 * n[2] + 30] > 0.0f) == heard); /* its place */
         stop(&r);
     }
+}
+
+/* Whether or not an array listens beyond its gate. */
+static void traces_of_any_other_length_are_refused(void **state)
+{
+    static const struct static_array_config *const cfgs[] = {&each_frame, &listening};
+    (void)state;
+    for (int c = 0; c <= 1; c++)
+        for (int beyond = 0; beyond <= 1; beyond++)
+            for (int more = -1; more <= 1; more++) {
+                struct rig r;
+                bool fits = more == 0 && beyond <= c;
+                start_gated(&r, true, cfgs[c], 1.3, beyond);
+                r.more = more;
+                ping(&r, 0);
+                assert_string_equal(
+                    r.note,
+                    fits ? "" : "traces that do not fit the survey cannot be used");
+                assert_int_equal(static_array_counts(steady_array(r.steady))->unfit,
+                                 !fits);
+                stop(&r);
+            }
+}
+
+static void only_with_a_matched_filter_traces_go_on_beyond_the_gate(void **state)
+{
+    static const enum compression by[] = {COMPRESSION_MATCHED_FILTER, COMPRESSION_DERAMP};
+    struct rig r;
+    struct image_plan p;
+    (void)state;
+    start_gated(&r, true, &each_frame, 1.3, false);
+    for (int c = 0; c <= 1; c++)
+        for (int beyond = 0; beyond <= 1; beyond++) {
+            assert_int_equal(image_plan_create(&p, &r.survey, by[c], beyond, NULL), 0);
+            double more_s = beyond && c == 0
+                                ? 2.0 * PROCESSING_BEYOND_M / r.survey.sound_speed_m_s
+                                : 0.0;
+            double more = more_s * p.format.rate_hz;
+            assert_true(fabs((double)(p.format.n_samples - p.gate_samples) - more) < 1.0);
+            assert_true(fabs(p.processing.gate_s[1] - r.processing.gate_s[1] - more_s) <
+                        1e-12);
+            image_plan_clear(&p);
+        }
+    stop(&r);
 }
 
 static void a_survey_of_a_stage_is_refused(void **state)
@@ -389,6 +440,21 @@ static void a_survey_of_a_stage_is_refused(void **state)
     assert_non_null(strstr(why.text, "2 positions"));
     assert_memory_equal(why.text, "scan.mode: ", 11); /* as the launch file has it */
     anlos__survey__free_unpacked(moved, NULL);
+    stop(&r);
+}
+
+static void what_cannot_be_planned_of_a_survey_is_told(void **state)
+{
+    (void)state;
+    struct rig r;
+    struct error why = {""};
+    struct image_plan p;
+    start(&r, true, &each_frame);
+    r.survey.gate_m[1] = 100.0;
+    assert_int_equal(
+        image_plan_create(&p, &r.survey, COMPRESSION_MATCHED_FILTER, true, &why),
+        -EINVAL);
+    assert_non_null(strstr(why.text, "gate_m: far end 100 m"));
     stop(&r);
 }
 
@@ -409,6 +475,29 @@ static void image_of(struct rig *r, size_t frame, Anlos__Volume *v)
     for (size_t k = frame * SPEAKERS; k < (frame + 1) * SPEAKERS; k++)
         ping(r, k);
     steady_image(r->steady, v);
+}
+
+/* The point is beyond the gate, where the third frame's traces end. */
+static void what_was_heard_beyond_the_gate_is_in_no_image_of_shorter_traces(void **state)
+{
+    (void)state;
+    struct rig r;
+    Anlos__Volume v;
+    size_t n[3];
+    start_gated(&r, true, &listening, 1.3, false);
+    int gate = (int)r.format.n_samples;
+    stop(&r);
+    start_gated(&r, true, &listening, 1.3, true);
+    r.subtracted = true;
+    for (size_t frame = 0; frame < 3; frame++) {
+        r.more = frame < 2 ? 0 : gate - (int)r.format.n_samples;
+        image_of(&r, frame, &v);
+        assert_string_equal(r.note, "");
+        const float *x = tensor_f32(v.intensity, 3, n);
+        assert_non_null(x);
+        assert_true((x[(size_t)50 * n[2] + 30] > 0.0f) == (frame < 2));
+    }
+    stop(&r);
 }
 
 static void tell_wall(struct rig *r, double distance_m)
@@ -536,8 +625,12 @@ int main(void)
         cmocka_unit_test(motion_called_invalid_is_not_taken),
         cmocka_unit_test(without_a_mount_motion_cannot_be_made_up_for_and_that_is_said),
         cmocka_unit_test(traces_may_end_with_the_gate_or_go_on_beyond),
+        cmocka_unit_test(what_was_heard_beyond_the_gate_is_in_no_image_of_shorter_traces),
+        cmocka_unit_test(traces_of_any_other_length_are_refused),
+        cmocka_unit_test(only_with_a_matched_filter_traces_go_on_beyond_the_gate),
         cmocka_unit_test(traces_of_another_survey_are_refused_and_counted),
         cmocka_unit_test(a_survey_of_a_stage_is_refused),
+        cmocka_unit_test(what_cannot_be_planned_of_a_survey_is_told),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
