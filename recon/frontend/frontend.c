@@ -361,7 +361,7 @@ static bool moves_at(const struct frontend *f, int64_t at_ns)
 {
     struct ego_motion now;
 
-    return f->ego_heard && !ego_path_at(&f->ego, at_ns, &now) && !is_slow(&now);
+    return !ego_path_at(&f->ego, at_ns, &now) && !is_slow(&now);
 }
 
 /* -- microphones ------------------------------------------------------------------------
@@ -654,7 +654,7 @@ void frontend_ping(struct frontend *f, const struct ping *ping,
                            f->traces);
     bool blanked, subtracted = subtract_background(f, ping, &blanked);
     if (f->own && !subtracted)
-        own_sound_mute(f->own, ping->speaker, f->traces);
+        own_sound_mute(f->own, f->traces);
     if (subtracted && !ping->frame && !out->note[0])
         recorded_background_judge(f->recorded, out->note, sizeof out->note);
     if (blanked)

@@ -19,6 +19,7 @@ enum {
 
 struct own_sound {
     size_t n_speakers, n_microphones, n_samples, behind;
+    bool known;     /* what was subtracted from the newest ping */
     size_t *learnt; /* [n_speakers], rounds */
     float *rounds;  /* [n_speakers][ROUNDS][n_microphones][n_samples][re, im] */
     float *heard;   /* [n_microphones][n_samples][re, im], before it is subtracted from */
@@ -111,7 +112,8 @@ void own_sound_subtract(struct own_sound *o, size_t speaker, bool moves,
     float *rounds = o->rounds + speaker * ROUNDS * each;
 
     memcpy(o->heard, traces, each * sizeof *o->heard);
-    if (o->learnt[speaker] >= FEWEST)
+    o->known = o->learnt[speaker] >= FEWEST;
+    if (o->known)
         subtract_median((float *)traces, rounds, each, each);
     if (moves)
         learn(o, speaker, rounds);
@@ -136,10 +138,10 @@ static float power_before(struct own_sound *o, const float complex *traces)
     return rank_smallest(o->power, o->n_microphones, o->n_microphones / 2 + 1);
 }
 
-void own_sound_mute(struct own_sound *o, size_t speaker, float complex *traces)
+void own_sound_mute(struct own_sound *o, float complex *traces)
 {
     size_t n = o->n_samples - o->behind;
-    float most = o->learnt[speaker] > FEWEST ? LOUD * power_before(o, traces) : -1.0f;
+    float most = o->known ? LOUD * power_before(o, traces) : -1.0f;
 
     for (size_t m = 0; m < o->n_microphones; m++) {
         float complex *x = traces + m * o->n_samples + o->behind;

@@ -29,9 +29,10 @@ int own_sound_create(struct own_sound **out, size_t n_speakers, size_t n_microph
 void own_sound_subtract(struct own_sound *o, size_t speaker, bool moves,
                         float complex *traces);
 
-/* Mutes behind the slot what is too loud, and all while nothing is known.  Where a
- * background was subtracted there is no need for it. */
-void own_sound_mute(struct own_sound *o, size_t speaker, float complex *traces);
+/* Of the traces that were newest subtracted from: mutes behind the slot what is too loud,
+ * and all where nothing was known.  Where a background was subtracted, too, there is no
+ * need for it. */
+void own_sound_mute(struct own_sound *o, float complex *traces);
 void own_sound_destroy(struct own_sound *o);
 
 #endif
