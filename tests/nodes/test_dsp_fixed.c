@@ -23,7 +23,7 @@ struct rig {
     struct dsp *dsp;
     Anlos__Ping ping;
     struct dsp_output out;
-    uint32_t frame;
+    uint32_t frame, speaker;
     int64_t now_ns;
 };
 
@@ -40,6 +40,7 @@ static int open_as(void **state, enum background_mode mode, bool hears_walls)
         dsp_create(&r->dsp, NULL, &cfg) || dsp_survey(r->dsp, r->scene.survey, NULL))
         return -1;
     r->now_ns = 1000 * MS;
+    r->speaker = 1;
     *state = r;
     return 0;
 }
@@ -79,11 +80,10 @@ static int teardown(void **state)
     return 0;
 }
 
-/* The next frame's ping of speaker 1: the sound of `heard`, whatever the pass says, times
- * gain. */
+/* The next frame's ping: the sound of `heard`, whatever the pass says, times gain. */
 static void send(struct rig *r, Anlos__Pass heard, Anlos__Pass pass, float gain)
 {
-    scene_ping(&r->scene, heard, 0, 1, &r->ping);
+    scene_ping(&r->scene, heard, 0, r->speaker, &r->ping);
     for (size_t i = 0; i < r->scene.survey->n_microphones_m * r->scene.n_samples; i++)
         r->scene.samples[i] *= gain;
     r->ping.pass = pass;
@@ -188,11 +188,23 @@ static void learn(struct rig *r, Anlos__Pass heard)
     }
 }
 
+/* Of the point alone: scene less background. */
+static double energy_by_hand(void)
+{
+    void *state = NULL;
+
+    assert_int_equal(setup_recorded(&state), 0);
+    struct rig *r = state;
+    send(r, BACKGROUND, BACKGROUND, 1);
+    send(r, SCENE, SCENE, 1);
+    double point = energy(r);
+    assert_int_equal(teardown(&state), 0);
+    return point;
+}
+
 static void what_stands_still_is_gone_and_what_comes_is_seen(void **state)
 {
     struct rig *r = *state;
-    struct rig plain = {.frame = 0};
-    void *plain_state = &plain;
 
     learn(r, BACKGROUND);
     for (int64_t ms = 0; ms < 8000; ms += FRAME_MS)
@@ -202,13 +214,7 @@ static void what_stands_still_is_gone_and_what_comes_is_seen(void **state)
     double point = energy(r);
     assert_true(r->out.traces.background_subtracted);
     assert_true(rest < 1e-6 * point);
-    /* The same by hand: scene less background. */
-    assert_int_equal(setup_recorded(&plain_state), 0);
-    struct rig *p = plain_state;
-    send(p, BACKGROUND, BACKGROUND, 1);
-    send(p, SCENE, SCENE, 1);
-    assert_true(fabs(energy(p) / point - 1) < 1e-3);
-    assert_int_equal(teardown(&plain_state), 0);
+    assert_true(fabs(energy_by_hand() / point - 1) < 1e-3);
     /* In 4 s, the time constant, it fades to 1/e: its energy to 1/e^2. */
     for (int64_t ms = 0; ms < 4000; ms += FRAME_MS)
         send(r, SCENE, SCENE, 1);
@@ -242,8 +248,6 @@ static void while_the_vehicle_moves_no_background_is_subtracted(void **state)
 static void what_stays_while_the_vehicle_moves_is_the_arrays_own_sound(void **state)
 {
     struct rig *r = *state;
-    struct rig plain = {.frame = 0};
-    void *plain_state = &plain;
     double whole = 0;
 
     for (int i = 0; i < 4; i++) {
@@ -256,13 +260,67 @@ static void what_stays_while_the_vehicle_moves_is_the_arrays_own_sound(void **st
     assert_true(energy(r) < 1e-6 * whole);
     move(r, 1.0, true);
     send(r, SCENE, SCENE, 1);
-    double point = energy(r);
-    assert_int_equal(setup_recorded(&plain_state), 0);
-    struct rig *p = plain_state;
-    send(p, BACKGROUND, BACKGROUND, 1);
-    send(p, SCENE, SCENE, 1);
-    assert_true(fabs(energy(p) / point - 1) < 1e-3);
-    assert_int_equal(teardown(&plain_state), 0);
+    assert_true(fabs(energy(r) / energy_by_hand() - 1) < 1e-3);
+}
+
+static void each_speaker_of_an_array_on_the_move_has_its_own_sound(void **state)
+{
+    struct rig *r = *state;
+    double whole[2] = {0};
+
+    for (int i = 0; i < 4; i++)
+        for (r->speaker = 0; r->speaker < 2; r->speaker++) {
+            move(r, 1.0, true);
+            send(r, BACKGROUND, SCENE, 1);
+            whole[r->speaker] += i == 0 ? energy(r) : 0;
+            assert_true((energy(r) < 1e-6 * whole[r->speaker]) == (i == 3));
+        }
+}
+
+/* Its background is what it is told to be. */
+static void without_an_adaptive_background_own_sound_stays(void **state)
+{
+    struct rig *r = *state;
+    double whole = 0;
+
+    for (int i = 0; i < 5; i++) {
+        move(r, 1.0, true);
+        send(r, BACKGROUND, SCENE, 1);
+        whole = i == 0 ? energy(r) : whole;
+        assert_true(fabs(energy(r) / whole - 1) < 1e-3);
+    }
+}
+
+/* What stands about it is not its own: when it sets off, all of it is heard. */
+static void of_a_vehicle_that_stands_no_own_sound_is_learnt(void **state)
+{
+    struct rig *r = *state;
+    double whole = 0;
+
+    for (int i = 0; i < 5; i++) {
+        move(r, 0.0, true);
+        send(r, BACKGROUND, SCENE, 1);
+        whole = i == 0 ? energy(r) : whole;
+    }
+    assert_true(energy(r) < 1e-6 * whole);
+    move(r, 1.0, true);
+    send(r, BACKGROUND, SCENE, 1);
+    assert_true(fabs(energy(r) / whole - 1) < 1e-3);
+}
+
+static void of_a_vehicle_that_never_tells_no_own_sound_is_learnt(void **state)
+{
+    struct rig *r = *state;
+    double whole = 0;
+
+    for (int i = 0; i < 5; i++) {
+        send(r, BACKGROUND, SCENE, 1);
+        whole = i == 0 ? energy(r) : whole;
+    }
+    assert_true(energy(r) < 1e-6 * whole);
+    move(r, 1.0, true);
+    send(r, BACKGROUND, SCENE, 1);
+    assert_true(fabs(energy(r) / whole - 1) < 1e-3);
 }
 
 /* It may stand: what stands about it is not its own. */
@@ -495,6 +553,10 @@ int main(void)
         TEST(what_stands_still_is_gone_and_what_comes_is_seen, setup_adaptive),
         TEST(while_the_vehicle_moves_no_background_is_subtracted, setup_adaptive),
         TEST(what_stays_while_the_vehicle_moves_is_the_arrays_own_sound, setup_adaptive),
+        TEST(each_speaker_of_an_array_on_the_move_has_its_own_sound, setup_adaptive),
+        TEST(without_an_adaptive_background_own_sound_stays, setup_none),
+        TEST(of_a_vehicle_that_stands_no_own_sound_is_learnt, setup_adaptive),
+        TEST(of_a_vehicle_that_never_tells_no_own_sound_is_learnt, setup_adaptive),
         TEST(of_a_vehicle_that_fell_silent_no_own_sound_is_learnt, setup_adaptive),
         TEST(a_ping_during_which_the_vehicle_sets_off_or_stops_does_not_count,
              setup_adaptive),

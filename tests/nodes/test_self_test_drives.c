@@ -42,6 +42,9 @@ struct drive {
     struct tone_found tone;
     bool subtracted; /* of the newest ping's traces: a background, */
     bool silent;     /* and some samples in the gate are 0 */
+    bool heard;      /* and some behind the slot are not */
+    bool blanked;
+    double until_s; /* the delay of the last */
     int64_t ego_ns;
     char note[512];
 };
@@ -121,12 +124,16 @@ static double go_on(struct drive *d)
     frontend_tones(d->frontend, &d->tone);
     const struct traces *t = &out.traces;
     d->subtracted = t->background_subtracted;
-    d->silent = false;
+    d->blanked = t->blanked;
+    d->until_s = t->format.t0_s + (double)(t->format.n_samples - 1) / t->format.rate_hz;
+    d->silent = d->heard = false;
     for (size_t i = 0; i < d->survey.n_microphones * t->format.n_samples; i++) {
         double delay_s = t->format.t0_s +
                          (double)(i % t->format.n_samples) / t->format.rate_hz;
         d->silent |= delay_s < 2.0 * d->survey.gate_m[1] / d->survey.sound_speed_m_s &&
                      t->samples[i] == 0.0f;
+        d->heard |= delay_s > (double)d->survey.slot_samples / d->survey.sample_rate_hz &&
+                    t->samples[i] != 0.0f;
     }
     return 1e-9 * (double)(stamp_ns - d->world.begin_ns);
 }
@@ -157,6 +164,102 @@ static void where_nothing_is_wrong_nothing_is_said(void **state)
         assert_true(d.levels.range_m == d.levels.gate_m);
         stop(&d);
     }
+}
+
+/* In a scene of launch/scenes with its line of a key in other words. */
+static void start_in(struct drive *d, const char *of, const char *text)
+{
+    char line[512], path[] = "/tmp/anlos-self-test-XXXXXX";
+    FILE *from = fopen(of, "r");
+    int fd = mkstemp(path);
+    FILE *to = fd < 0 ? NULL : fdopen(fd, "w");
+    assert_true(from && to);
+    while (fgets(line, sizeof line, from))
+        if (strncmp(line, text, strcspn(text, ":") + 1))
+            fputs(line, to);
+    fputs(text, to);
+    fclose(from);
+    assert_int_equal(fclose(to), 0);
+    start(d, path);
+    unlink(path);
+}
+
+/* The direct sound of the next speaker is there, until a background is subtracted. */
+static void behind_the_slot_nothing_is_heard_in_the_first_round(void **state)
+{
+    struct drive d;
+
+    (void)state;
+    start(&d, SCENES "drive-nothing.yaml");
+    for (size_t k = 0; k < 2 * d.survey.n_speakers; k++) {
+        go_on(&d);
+        bool first = k < d.survey.n_speakers;
+        if (d.silent || d.heard == first || d.subtracted == first)
+            fail_msg("ping %zu: silent %d, heard %d, subtracted %d", k, d.silent, d.heard,
+                     d.subtracted);
+    }
+    stop(&d);
+}
+
+static void listen_with(struct drive *d, enum background_mode background,
+                        enum compression compression)
+{
+    struct pipeline_config cfg;
+    struct error why = {""};
+
+    frontend_destroy(d->frontend);
+    launchfile_pipeline(&cfg, d->launch);
+    cfg.frontend.judges_array = true;
+    cfg.frontend.hears_walls = compression == COMPRESSION_MATCHED_FILTER;
+    cfg.frontend.background = background;
+    cfg.frontend.compression = compression;
+    if (frontend_create(&d->frontend, &cfg.frontend) ||
+        frontend_survey(d->frontend, &d->survey, &why))
+        fail_msg("%s", why.text);
+}
+
+/* By 0.6 m; it ends at 4 m. */
+static void only_with_an_adaptive_background_it_listens_beyond_the_gate(void **state)
+{
+    static const struct {
+        enum background_mode background;
+        enum compression compression;
+        double far_m;
+    } with[] = {{BACKGROUND_ADAPTIVE, COMPRESSION_MATCHED_FILTER, 4.6},
+                {BACKGROUND_ADAPTIVE, COMPRESSION_DERAMP, 4.0},
+                {BACKGROUND_NONE, COMPRESSION_MATCHED_FILTER, 4.0}};
+    struct drive d;
+
+    (void)state;
+    for (size_t k = 0; k < sizeof with / sizeof *with; k++) {
+        start(&d, SCENES "drive-nothing.yaml");
+        listen_with(&d, with[k].background, with[k].compression);
+        go_on(&d);
+        double far_m = 0.5 * d.survey.sound_speed_m_s * d.until_s;
+        if (!(far_m <= with[k].far_m && far_m > with[k].far_m - 0.01))
+            fail_msg("%zu: %.3f m", k, far_m);
+        stop(&d);
+    }
+}
+
+/* Beside the direct sound of the next speaker it would be too quiet to do harm, but that
+ * is no echo of this one. */
+static void a_slam_is_looked_for_before_the_next_emission(void **state)
+{
+    struct drive d;
+    double t_s = 0.0;
+
+    (void)state;
+    start_in(&d, SCENES "drive-nothing.yaml",
+             "noise: {snr_db: 0, at_m: 4, slams: [{during_s: [1, 1], peak: 0.0013, "
+             "decay_s: 0.02}]}\n");
+    while (t_s < 1.5) {
+        t_s = go_on(&d);
+        bool slammed = t_s > 0.98 && t_s < 1.02; /* where it begins, and the next */
+        if (d.blanked != slammed)
+            fail_msg("%.3f s: blanked %d", t_s, d.blanked);
+    }
+    stop(&d);
 }
 
 /* What the health of the node dsp would say, and a list of each image, to the watchdog
@@ -192,24 +295,6 @@ static void tell(const struct drive *d, struct watch *w, int64_t now_ns)
     watch_health(w, &health, now_ns);
     watch_list(w, &list, now_ns, now_ns);
     watch_step(w, now_ns);
-}
-
-/* In a scene of launch/scenes with its line of a key in other words. */
-static void start_in(struct drive *d, const char *of, const char *text)
-{
-    char line[512], path[] = "/tmp/anlos-self-test-XXXXXX";
-    FILE *from = fopen(of, "r");
-    int fd = mkstemp(path);
-    FILE *to = fd < 0 ? NULL : fdopen(fd, "w");
-    assert_true(from && to);
-    while (fgets(line, sizeof line, from))
-        if (strncmp(line, text, strcspn(text, ":") + 1))
-            fputs(line, to);
-    fputs(text, to);
-    fclose(from);
-    assert_int_equal(fclose(to), 0);
-    start(d, path);
-    unlink(path);
 }
 
 /* From 3 s to 6 s something is wrong: 2 s later the state is so and has the one bit,
@@ -508,6 +593,9 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(where_nothing_is_wrong_nothing_is_said),
+        cmocka_unit_test(behind_the_slot_nothing_is_heard_in_the_first_round),
+        cmocka_unit_test(only_with_an_adaptive_background_it_listens_beyond_the_gate),
+        cmocka_unit_test(a_slam_is_looked_for_before_the_next_emission),
         cmocka_unit_test(a_comb_of_the_mains_is_named_as_long_as_it_is_heard),
         cmocka_unit_test(another_array_is_taken_out_as_long_as_it_is_heard),
         cmocka_unit_test(an_array_with_slots_like_ours_is_known_within_four_seconds),

@@ -149,7 +149,7 @@ static void corner_delays(const struct fixture *f, double least_most[2])
         double v[3];
         for (int a = 0; a < 3; a++)
             v[a] = f->s.volume_m[a][corner >> a & 1];
-        for (int k = 0; k < 3; k++) {
+        for (size_t k = 0; k < f->s.n_positions; k++) {
             for (int j = 0; j < 16; j++) {
                 for (int i = 0; i < 16; i++) {
                     double s[3], m[3];
@@ -329,13 +329,19 @@ static void it_listens_as_far_as_there_is_a_whole_chirp_and_a_voxel(void **state
     struct fixture f = bumper(4.0);
     double delays_s[2];
 
+    /* Of two slots, which a ping has: its echo comes late, and ends with them. */
     f.s.latency_samples = 100.0;
-    assert_near(listen(&f), (2304.0 - 100.0) / 48000.0 - 0.02, 1e-12);
+    assert_near(listen(&f), 2.0 * 0.024 - 100.0 / 48000.0 - 0.02, 1e-12);
+    /* The farthest voxel, 3.6 m ahead and 1 m aside, of the outermost pair. */
     f = bumper(3.4);
     set_volume(&f, 2.0, 3.6, 0.1);
-    double until_s = listen(&f);
-    grid_delays(&f.p.grid, &f.p.geometry, delays_s);
-    assert_near(until_s, fmin(delays_s[1], 2.0 * 4.0 / 340.0), 1e-12);
+    corner_delays(&f, delays_s);
+    assert_near(delays_s[1],
+                (sqrt(1.0 + 1.0 + 3.6 * 3.6) + sqrt(0.92 * 0.92 + 1.0 + 3.6 * 3.6)) /
+                    340.0,
+                1e-12);
+    assert_true(delays_s[1] < 2.0 * (3.4 + 0.6) / 340.0);
+    assert_near(listen(&f), delays_s[1], 1e-12);
 }
 
 static void an_array_on_a_stage_listens_within_its_gate(void **state)
