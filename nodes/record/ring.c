@@ -4,6 +4,7 @@
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 
 #include "dsp/list.h"
 #include "msgs/array.pb-c.h"
@@ -14,19 +15,24 @@
 
 /* Bytes of messages, of which the oldest goes first.  From the heap, where messages of
  * all sizes come and go for hours among what stays, they would take ever more than they
- * are: holes that fit nothing.  What is there once stays, for those to come. */
+ * are: holes that fit nothing.  So segments are the system's pages.  All of one are there
+ * at once, or each message that ends beyond those before it would add some for hours; and
+ * they go back, or each pile that comes when something was stopped would raise what
+ * stays. One is kept, as a full one and one that is taken follow each other. */
 
 struct segment {
     struct segment *next;
     size_t used; /* bytes */
     size_t n;    /* messages that are there */
-    uint8_t data[SEGMENT_BYTES];
+    uint8_t data[SEGMENT_BYTES - 3 * sizeof(size_t)];
 };
+
+_Static_assert(sizeof(struct segment) == SEGMENT_BYTES, "whole pages");
 
 struct store {
     struct segment *first, *last; /* of the oldest message, of the newest */
-    struct segment *spare;
-    size_t n; /* all segments */
+    struct segment *spare;        /* NULL: none */
+    size_t n;                     /* all segments */
 };
 
 /* NULL: no memory. */
@@ -35,13 +41,14 @@ static struct segment *take_segment(struct store *s)
     struct segment *g = s->spare;
 
     if (g) {
-        s->spare = g->next;
+        s->spare = NULL;
     } else {
-        g = malloc(sizeof *g);
-        s->n += g != NULL;
+        g = mmap(NULL, sizeof *g, PROT_READ | PROT_WRITE,
+                 MAP_PRIVATE | MAP_ANONYMOUS | MAP_POPULATE, -1, 0);
+        if (g == MAP_FAILED)
+            return NULL;
+        s->n++;
     }
-    if (!g)
-        return NULL;
     g->next = NULL;
     g->used = g->n = 0;
     return g;
@@ -52,7 +59,7 @@ static const uint8_t *store_put(struct store *s, const uint8_t *message, size_t 
 {
     struct segment *g = s->last;
 
-    if (!g || size > SEGMENT_BYTES - g->used) {
+    if (!g || size > sizeof g->data - g->used) {
         g = take_segment(s);
         if (!g)
             return NULL;
@@ -70,6 +77,12 @@ static const uint8_t *store_put(struct store *s, const uint8_t *message, size_t 
     return at;
 }
 
+static void give_segment_back(struct store *s, struct segment *g)
+{
+    munmap(g, sizeof *g);
+    s->n--;
+}
+
 /* The oldest message goes. */
 static void store_drop(struct store *s)
 {
@@ -80,18 +93,18 @@ static void store_drop(struct store *s)
     s->first = g->next;
     if (!s->first)
         s->last = NULL;
-    g->next = s->spare;
-    s->spare = g;
+    if (s->spare)
+        give_segment_back(s, g);
+    else
+        s->spare = g;
 }
 
 /* There is no message any more. */
 static void store_clear(struct store *s)
 {
-    while (s->spare) {
-        struct segment *g = s->spare;
-        s->spare = g->next;
-        free(g);
-    }
+    if (s->spare)
+        give_segment_back(s, s->spare);
+    s->spare = NULL;
 }
 
 struct background {          /* pings of one scan */

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 /* nodes/record/ring.h -- the last seconds of all that comes over a bus, in memory: whole
  * messages, bounded in time and in bytes.  Those of up to 512 kB are copied into segments
- * of 2 MB, which are as many as the most that was there at a time took and never fewer
- * again: memory that does not grow with the hours.  Larger ones, and what may stay for
- * the beginnings of bags, keep the memory that they came in.
+ * of 2 MB, of which each goes back to the system with its last message, but one: memory
+ * that follows what is there.  Larger ones, and what may stay for the beginnings of bags,
+ * keep the memory that they came in.
  *
  * What a bag needs from its beginning stays when it is too old for the rest: the newest
  * survey, and the pings of a scan's room without the objects (its background), which come
