@@ -13,6 +13,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 #include <sys/stat.h>
 #include <sys/types.h>
 #include <time.h>
@@ -135,6 +136,37 @@ void __wrap_free(void *p)
 {
     forget(p);
     __real_free(p);
+}
+
+void *__real_mmap(void *at, size_t size, int prot, int flags, int fd, off_t offset);
+void *__wrap_mmap(void *at, size_t size, int prot, int flags, int fd, off_t offset);
+void *__wrap_mmap(void *at, size_t size, int prot, int flags, int fd, off_t offset)
+{
+    if (fails("mmap", ENOMEM))
+        return MAP_FAILED;
+    void *p = __real_mmap(at, size, prot, flags, fd, offset);
+    return p == MAP_FAILED ? p : keep(p);
+}
+
+void *__real_mremap(void *p, size_t before, size_t size, int flags, ...);
+void *__wrap_mremap(void *p, size_t before, size_t size, int flags, ...);
+void *__wrap_mremap(void *p, size_t before, size_t size, int flags, ...)
+{
+    if (fails("mremap", ENOMEM))
+        return MAP_FAILED;
+    void *grown = __real_mremap(p, before, size, flags);
+    if (grown == MAP_FAILED)
+        return grown;
+    forget(p);
+    return keep(grown);
+}
+
+int __real_munmap(void *p, size_t size);
+int __wrap_munmap(void *p, size_t size);
+int __wrap_munmap(void *p, size_t size)
+{
+    forget(p);
+    return __real_munmap(p, size);
 }
 
 int __wrap_asprintf(char **out, const char *format, ...);

@@ -4,6 +4,8 @@
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
+#include <unistd.h>
 
 struct bytes bytes_of(const char *text)
 {
@@ -15,13 +17,25 @@ bool bytes_equal(struct bytes a, struct bytes b)
     return a.size == b.size && (!a.size || !memcmp(a.data, b.data, a.size));
 }
 
+/* To *capacity bytes, of which it makes whole pages.  NULL: no memory, b is as before. */
+static uint8_t *grow_pages(const struct bytes_buffer *b, size_t *capacity)
+{
+    const size_t page = (size_t)sysconf(_SC_PAGESIZE);
+
+    *capacity += (page - *capacity % page) % page;
+    void *data = b->data ? mremap(b->data, b->capacity, *capacity, MREMAP_MAYMOVE)
+                         : mmap(NULL, *capacity, PROT_READ | PROT_WRITE,
+                                MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+    return data == MAP_FAILED ? NULL : data;
+}
+
 int bytes_reserve(struct bytes_buffer *b, size_t capacity)
 {
     if (b->failed || capacity <= b->capacity)
         return b->failed ? -ENOMEM : 0;
     size_t grown = b->capacity + b->capacity / 2;
     size_t wanted = capacity > grown ? capacity : grown;
-    uint8_t *data = realloc(b->data, wanted);
+    uint8_t *data = b->pages ? grow_pages(b, &wanted) : realloc(b->data, wanted);
     if (!data) {
         b->failed = true;
         return -ENOMEM;
@@ -73,8 +87,11 @@ struct bytes bytes_in(const struct bytes_buffer *b)
 
 void bytes_free(struct bytes_buffer *b)
 {
-    free(b->data);
-    *b = (struct bytes_buffer){0};
+    if (!b->pages)
+        free(b->data);
+    else if (b->data)
+        munmap(b->data, b->capacity);
+    *b = (struct bytes_buffer){.pages = b->pages};
 }
 
 struct bytes bytes_take(struct bytes_cursor *c, uint64_t n)

@@ -16,11 +16,15 @@ struct bytes { /* borrowed; as text it has no zero at its end */
 struct bytes bytes_of(const char *text);
 bool bytes_equal(struct bytes a, struct bytes b);
 
-/* Starts as {0}.  A put that finds no memory sets failed, and all after it do nothing. */
+/* Starts as {0}, or {.pages = true}: of the system's pages, not the heap's.  That is for
+ * what is large, and comes and goes in a process that runs for hours: in the heap it
+ * leaves holes, and glibc keeps twice the largest that was freed (nodes/rt/process.h).  A
+ * put that finds no memory sets failed, and all after it do nothing. */
 struct bytes_buffer {
     uint8_t *data;
     size_t size, capacity;
     bool failed;
+    bool pages;
 };
 
 void bytes_put(struct bytes_buffer *b, struct bytes what);

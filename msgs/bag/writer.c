@@ -488,6 +488,7 @@ int bag_writer_create(struct bag_writer **out, const char *path,
     if (!w)
         return error_say(why, -ENOMEM, "%s: out of memory", path);
     w->cfg = *cfg;
+    w->chunk.pages = w->out.pages = w->packed.pages = true;
     int err = bag_sink_create(&w->sink, path, why);
     if (err) {
         free(w);

@@ -1,11 +1,12 @@
 /* SPDX-License-Identifier: MIT */
-/* heap_share, in a node: what the C library says of its heaps.  AddressSanitizer has
- * its own, of which it knows nothing. */
+/* heap_share, in a node, and a bag beside it: what the C library says of its heaps.
+ * AddressSanitizer has its own, of which it knows nothing. */
 #include "tests/hal/scratch.h"
 
 #include <malloc.h>
 #include <pthread.h>
 
+#include "msgs/bag/writer.h"
 #include "nodes/rt/node.h"
 #include "nodes/rt/process.h"
 
@@ -88,6 +89,37 @@ static void what_a_few_messages_took_stays_what_a_pile_took_goes(void **state)
     pile(40, &full, &empty);
     assert_true(empty <= full - 2500000);
 }
+
+static size_t in_use(void)
+{
+    struct mallinfo2 m = mallinfo2();
+
+    return m.uordblks + m.hblkhd;
+}
+
+/* A recorder makes one every half minute, for days: what were large blocks of the heap
+ * would leave holes there, and have it keep twice as much at its end. */
+static void what_a_bag_gathers_is_none_of_the_heap(void **state)
+{
+    static uint8_t data[100000];
+    const struct bag_writer_config cfg = {
+        .profile = "", .library = "", .chunk_size = 4 << 20};
+    const struct bag_channel channel = {.topic = bytes_of("sound")};
+    struct bag_message m = {.data = {data, sizeof data}};
+    struct bag_writer *w;
+    size_t full, empty;
+
+    assert_int_equal(bag_writer_create(&w, scratch_path(*state, "a.mcap"), &cfg, NULL),
+                     0);
+    assert_int_equal(bag_writer_channel(w, &channel, &m.channel_id, NULL), 0);
+    size_t before = in_use();
+    for (size_t i = 0; i < 80; i++) /* a chunk, and most of another */
+        assert_int_equal(bag_writer_message(w, &m, NULL), 0);
+    assert_true(in_use() < before + 500000);
+    assert_int_equal(bag_writer_close(w, NULL), 0);
+    pile(40, &full, &empty);
+    assert_true(empty <= full - 2500000);
+}
 #endif
 
 int main(void)
@@ -99,6 +131,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         /* before anything that is large is freed */
         cmocka_unit_test(what_a_few_messages_took_stays_what_a_pile_took_goes),
+        cmocka_unit_test_setup_teardown(what_a_bag_gathers_is_none_of_the_heap,
+                                        scratch_open, scratch_close),
         cmocka_unit_test_setup_teardown(threads_of_a_node_share_one_heap, scratch_open,
                                         scratch_close),
     };
