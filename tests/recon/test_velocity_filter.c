@@ -427,6 +427,23 @@ static void what_goes_away_is_told_or_ambiguous(void **state)
     }
 }
 
+/* Half as bright again along his course as anything at rest is enough: 2.1 times with
+ * eight speakers, and 1.3 times, which is not, with two. */
+static void what_goes_away_aside_is_told_if_it_is_clearly_brighter(void **state)
+{
+    (void)state;
+    static struct scene s;
+    const struct course away = {"away aside", {-0.6, 0.0, 2.2}, {-0.7, 0.0, 0.9}};
+    for (size_t q = 0; q < ARRAYS; q++) {
+        bool clear = speaker_counts[q] == 8;
+        scene_default(&s, speaker_counts[q], 2.0);
+        add_point(&s, away.at_m, away.velocity_m_s);
+        scene_find(&s, PINGS);
+        expect(&s, &away, clear);
+        assert_true(clear || s.found.n_ambiguous > 0);
+    }
+}
+
 /* Against the order of the speakers: with it goes the bright spot of a plane, too. */
 static void what_crosses_is_told(void **state)
 {
@@ -652,6 +669,7 @@ int main(void)
         cmocka_unit_test(echoes_of_a_plane_are_in_phase_where_it_is),
         cmocka_unit_test(what_comes_towards_the_array_is_told),
         cmocka_unit_test(what_goes_away_is_told_or_ambiguous),
+        cmocka_unit_test(what_goes_away_aside_is_told_if_it_is_clearly_brighter),
         cmocka_unit_test(what_crosses_is_told),
         cmocka_unit_test(who_walks_across_slowly_is_told_from_what_rests_overhead),
         cmocka_unit_test(what_comes_obliquely_is_told),
