@@ -6,12 +6,14 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "recon/processing.h"
 #include "recon/tracking/sidelobes.h"
 #include "recon/tracking/sight.h"
 #include "recon/tracking/timing.h"
 
-#define LATEST_NS (INT64_MAX / 2) /* differences of stamps do not overflow */
-#define AT_WALL_M 0.25            /* what is imaged so close behind a wall is the wall */
+#define LATEST_NS   (INT64_MAX / 2) /* differences of stamps do not overflow */
+#define AT_WALL_M   0.25 /* what is imaged so close behind a wall is the wall */
+#define SAME_GATE_M 1e-3
 
 /* A lost wall is forgotten when another stands about where it stood, when nothing has
  * come by way of it for as long as a wall is kept unseen, or in the end. */
@@ -368,9 +370,20 @@ static bool is_behind_a_wall(const struct sight *sight, const struct object *o)
            sight_behind_m(sight, o->place.wall, o->virtual_m) > AT_WALL_M;
 }
 
+/* Of another one, or of what is tracked already.  What goes along a course of its own is
+ * none: the velocity filter has looked at the lobes. */
+static bool may_be_sidelobe(const struct object_tracker *t,
+                            const struct sidelobe_array *array, const struct object *o,
+                            const struct sidelobe_source *its,
+                            const struct sidelobe_source *seen, size_t n)
+{
+    return !o->moves && (sidelobes_may_be(array, its, seen, n) ||
+                         sidelobes_may_be(array, its, t->sources, t->n_reports));
+}
+
 /* Brings to the front of the list, in the order they had, what is tracked: neither the
- * wall itself, nor what no wall can have mirrored, nor what may be a sidelobe, of another
- * one or of what is tracked already.  Returns how many they are. */
+ * wall itself, nor what no wall can have mirrored, nor what may be a sidelobe.  Returns
+ * how many they are. */
 static size_t choose_candidates(const struct object_tracker *t, const struct sight *sight,
                                 struct object_list *list)
 {
@@ -385,8 +398,7 @@ static size_t choose_candidates(const struct object_tracker *t, const struct sig
     for (size_t i = 0; i < list->n; i++) {
         struct object o = list->objects[i];
         if (!is_behind_a_wall(sight, &o) ||
-            sidelobes_may_be(&array, &seen[i], seen, list->n) ||
-            sidelobes_may_be(&array, &seen[i], t->sources, t->n_reports))
+            may_be_sidelobe(t, &array, &o, &seen[i], seen, list->n))
             continue;
         memmove(list->objects + chosen + 1, list->objects + chosen,
                 (i - chosen) * sizeof o);
@@ -607,10 +619,21 @@ static void find_view(const struct object_tracker *t, const struct volume *volum
     out->n = kept;
 }
 
+/* By way of walls that are looked at up to the gate who comes is heard from a step beyond
+ * it.  What leaves is not looked for there: an image may end with the gate. */
+static void reach_beyond(const struct survey *s, struct walls *walls)
+{
+    for (size_t i = 0; i < walls->n; i++) {
+        double *far_m = &walls->list[i].gate_m[1];
+        if (fabs(*far_m - s->gate_m[1]) < SAME_GATE_M)
+            *far_m += PROCESSING_BEYOND_M;
+    }
+}
+
 int object_tracker_volume(struct object_tracker *t, const struct volume *volume,
                           struct object_list *out, struct error *why)
 {
-    struct walls walls, lost;
+    struct walls walls, lost, heard;
     struct sight sight;
 
     if (!is_time(volume->capture_ns))
@@ -618,8 +641,11 @@ int object_tracker_volume(struct object_tracker *t, const struct volume *volume,
     if (t->detector.has_survey) {
         place_walls(t, volume->capture_ns, &walls);
         place_lost(t, &walls, volume->capture_ns, &lost);
+        heard = walls;
+        if (is_tracked(t, volume))
+            reach_beyond(&t->detector.survey, &heard);
     }
-    int err = detector_volume(&t->detector, volume, &walls, out, why);
+    int err = detector_volume(&t->detector, volume, &heard, out, why);
     if (err)
         return err;
     sight_init(&sight, &t->detector.survey, &walls, &lost, &volume->grid);

@@ -12,6 +12,7 @@
 #define EGO_M_S  2.0
 #define MIDDLE_S 0.084 /* before the newest of 8 pings */
 #define WALL_M   2.0
+#define GATE_M   3.5
 #define IMAGES   20
 
 enum { NX = 160, NZ = 200, CELLS = NX * NZ };
@@ -32,6 +33,8 @@ static struct object_tracker *begin(uint64_t *survey_id)
                              .chirp_start_hz = 2000.0,
                              .chirp_stop_hz = 20000.0,
                              .chirp_duration_s = 0.02,
+                             .has_gate = true,
+                             .gate_m = {0.5, GATE_M},
                              .has_mount = true,
                              .mount_origin_m = {3.6, 0.0, 0.4},
                              .mount_x_axis = {0.0, 1.0, 0.0},
@@ -46,9 +49,28 @@ static struct object_tracker *begin(uint64_t *survey_id)
     return t;
 }
 
-/* Images until somebody is told who is imaged going at (x, z) over ground, and may rest
- * by what the phases of single images say. */
-static int images_until_told(float x_m_s, float z_m_s)
+/* Who is imaged at a place in the middle of the first image's time, and goes like this
+ * over ground. */
+struct walker {
+    float at_m[2], velocity_m_s[2]; /* x, z */
+    bool ambiguous; /* he may rest by what the phases of single images say */
+    bool beside;    /* beside a bright spot of what rests, whose sidelobe he may be */
+};
+
+/* A spot of noise's level times power. */
+static void add_spot(float *image, double x_m, double z_m, float power)
+{
+    for (int z = -2; z <= 2; z++)
+        for (int x = -2; x <= 2; x++) {
+            int ix = (int)lround((x_m + 1.6) / 0.02) + x;
+            int iz = (int)lround((z_m - 0.5) / 0.02) + z;
+            if (ix >= 0 && ix < NX && iz >= 0 && iz < NZ)
+                image[iz * NX + ix] += power * (float)exp(-0.5 * (x * x + z * z));
+        }
+}
+
+/* Images until somebody is told, of a vehicle at ego_m_s; walls end at gate_m. */
+static int images_until(const struct walker *w, double ego_m_s, double gate_m)
 {
     static float image[CELLS];
     uint64_t survey_id;
@@ -61,22 +83,27 @@ static int images_until_told(float x_m_s, float z_m_s)
     for (int k = 0; k < IMAGES && told == INT_MAX; k++) {
         int64_t now_ns = BEGIN_NS + 2 * SLOT_NS * k;
         double now_s = 2e-9 * (double)SLOT_NS * k, at_s = now_s - MIDDLE_S;
-        const struct ego_motion ego = {.speed_m_s = EGO_M_S};
+        const struct ego_motion ego = {.speed_m_s = ego_m_s};
         struct walls walls = {.n = 1, .existence = {1.0}, .origin = {WALL_GIVEN}};
         walls.list[0].plane = (struct wall){.normal = {0.0, 0.0, 1.0},
-                                            .distance_m = WALL_M - EGO_M_S * now_s};
+                                            .distance_m = WALL_M - ego_m_s * now_s};
         walls.list[0].id = 1;
-        walls.list[0].gate_m[1] = WALLS_FAR_M;
+        walls.list[0].gate_m[1] = gate_m;
         const struct volume_mover it = {
-            {0.3f + x_m_s * (float)at_s, 0.0f,
-             3.4f + z_m_s * (float)at_s - (float)(EGO_M_S * now_s)},
-            {x_m_s, 0.0f, z_m_s},
+            {w->at_m[0] + w->velocity_m_s[0] * (float)at_s, 0.0f,
+             w->at_m[1] + w->velocity_m_s[1] * (float)at_s - (float)(ego_m_s * now_s)},
+            {w->velocity_m_s[0], 0.0f, w->velocity_m_s[1]},
             40.0f};
         for (int64_t ago = k ? 0 : 12; ago >= 0; ago--)
             object_tracker_ego(t, &ego, now_ns - ago * SLOT_NS);
         assert_int_equal(object_tracker_walls(t, &walls, now_ns), 0);
         for (size_t i = 0; i < CELLS; i++)
             image[i] = (float)-log(reference_random(&seed));
+        if (w->beside) {
+            add_spot(image, (double)it.at_m[0], (double)it.at_m[2], 60.0f);
+            add_spot(image, (double)w->at_m[0] + 1.0,
+                     (double)w->at_m[1] - ego_m_s * now_s, 6000.0f);
+        }
         const struct volume v = {
             .survey_id = survey_id,
             .capture_ns = now_ns,
@@ -88,8 +115,10 @@ static int images_until_told(float x_m_s, float z_m_s)
             .pings_used = 8,
             .pings_expected = 8,
             .standing_left = true,
+            .movers = &it,
+            .n_movers = !w->ambiguous,
             .ambiguous = &it,
-            .n_ambiguous = 1};
+            .n_ambiguous = w->ambiguous};
         assert_int_equal(object_tracker_volume(t, &v, &list, &why), 0);
         for (size_t i = 0; i < list.n; i++)
             if (list.objects[i].tracked)
@@ -97,6 +126,14 @@ static int images_until_told(float x_m_s, float z_m_s)
     }
     object_tracker_destroy(t);
     return told;
+}
+
+static int images_until_told(float x_m_s, float z_m_s)
+{
+    const struct walker w = {
+        .at_m = {0.3f, 3.4f}, .velocity_m_s = {x_m_s, z_m_s}, .ambiguous = true};
+
+    return images_until(&w, EGO_M_S, WALLS_FAR_M);
 }
 
 /* From a vehicle that drives ahead, what rests overhead is imaged going ahead, too, 0 to
@@ -109,10 +146,43 @@ static void who_crosses_is_told_from_what_rests_overhead(void **state)
     assert_int_equal(images_until_told(0.0f, 1.4f), INT_MAX);
 }
 
+static int images_until_told_at(float z_m)
+{
+    const struct walker w = {.at_m = {0.3f, z_m}, .velocity_m_s = {1.2f, 0.0f}};
+
+    return images_until(&w, 0.0, GATE_M);
+}
+
+/* The array is in the middle of the image's frame, and he is 0.3 m aside. */
+static void who_comes_is_told_from_a_step_beyond_the_gate_on(void **state)
+{
+    (void)state;
+    assert_in_range(images_until_told_at((float)GATE_M - 0.2f), 1, 3);
+    assert_in_range(images_until_told_at((float)GATE_M + 0.2f), 1, 3);
+    assert_int_equal(images_until_told_at((float)GATE_M + 0.75f), INT_MAX);
+    const struct walker w = {.at_m = {0.3f, (float)GATE_M + 0.2f},
+                             .velocity_m_s = {1.2f, 0.0f}};
+    /* another wall's gate ends there */
+    assert_int_equal(images_until(&w, 0.0, GATE_M - 0.1), INT_MAX);
+}
+
+static void who_goes_a_way_of_his_own_is_no_sidelobe_of_what_rests(void **state)
+{
+    (void)state;
+    struct walker w = {
+        .at_m = {-0.5f, 3.0f}, .velocity_m_s = {1.2f, 0.0f}, .beside = true};
+
+    assert_in_range(images_until(&w, 0.0, GATE_M), 1, 3);
+    w.ambiguous = true;
+    assert_int_equal(images_until(&w, 0.0, GATE_M), INT_MAX);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(who_crosses_is_told_from_what_rests_overhead),
+        cmocka_unit_test(who_comes_is_told_from_a_step_beyond_the_gate_on),
+        cmocka_unit_test(who_goes_a_way_of_his_own_is_no_sidelobe_of_what_rests),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
