@@ -23,6 +23,7 @@
 #define WAKE_S            0.5        /* so long ago somebody was where he still echoes */
 #define MISSED_LOOKS      0.5        /* after more of them it may be something else, */
 #define AGREED_LOOKS      2.0        /* or where phases have it go as it went */
+#define NAMELESS_LOOKS    2.0        /* what has no name yet ends unseen after them */
 #define LONGEST_S         60.0       /* nothing is predicted farther */
 #define REACH_M           1.0        /* existence is that of something so near */
 #define SECOND_NS         1000000000u
@@ -509,6 +510,7 @@ static void end_tracks(struct tracker *t, int64_t now_ns)
         struct track *k = &t->tracks[i];
         bool over = k->merged || track_life_is_over(&k->life, &t->life) ||
                     is_past_its_mirror(k) || k->waited > t->cfg.place_looks ||
+                    (!k->id && k->missed > NAMELESS_LOOKS) ||
                     1e-9 * (double)(now_ns - k->seen_ns) > t->cfg.coast_s ||
                     (k->id && 1e-9 * (double)(now_ns - k->moves_ns) > t->cfg.coast_s);
         if (over && !k->id)
