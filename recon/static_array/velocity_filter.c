@@ -14,6 +14,7 @@
 #define POWER       10.0 /* over that median, of all pings in phase: bright enough */
 #define RESTS       0.56 /* of the power of single pings: in phase for the most part */
 #define OVER_REST   1.5  /* times as bright along a course: moves, */
+#define OVER_BEYOND 2.5  /* the same beyond the gate, */
 #define SLOWEST_M_S 0.5  /* if it is faster */
 #define FASTEST_M_S 2.4
 
@@ -460,7 +461,8 @@ static struct judged judge(struct velocity_filter *v, struct frames *f,
     struct courses c = choose_courses(v, &s);
     struct course best = follow(v, f, &s, &c, &out.at_rest);
     out.has_course = has_course(&s, &c, &best, v->half_s);
-    out.may_rest = best.power <= OVER_REST * out.at_rest;
+    double over = s.range_m > v->cfg.gate_m ? OVER_BEYOND : OVER_REST;
+    out.may_rest = best.power <= over * out.at_rest;
     out.mover = mover_of(v, &s, &best);
     return out;
 }
