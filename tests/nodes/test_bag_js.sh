@@ -6,6 +6,8 @@
 # library cannot be had.
 set -euo pipefail
 here=$(CDPATH='' cd -- "$(dirname "$0")" && pwd)
+# shellcheck source=tests/nodes/node.sh
+. "$here/node.sh"
 anlos=$1 library=$2/mcap-js
 command -v node >/dev/null && command -v npm >/dev/null || exit 77
 
@@ -21,7 +23,7 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 cd "$work"
 check() {
-    node "$library/check_bag.mjs" "$@"
+    run_node "$library/check_bag.mjs" "$@"
 }
 
 "$anlos" sim "$here/point.yaml" --out recording >/dev/null

@@ -8,6 +8,8 @@
 # cannot be had.
 set -euo pipefail
 here=$(CDPATH='' cd -- "$(dirname "$0")" && pwd)
+# shellcheck source=tests/nodes/node.sh
+. "$here/node.sh"
 rig=$1 anlos=$2 library=$3/osi-js
 command -v node >/dev/null && command -v npm >/dev/null || exit 77
 
@@ -27,4 +29,4 @@ cd "$work"
 "$rig" drive.mcap scene.yaml
 "$anlos" bag export drive.mcap --format osi -o trace.mcap --scenes scene.yaml
 "$anlos" bag check trace.mcap
-node "$library/check_osi.mjs" trace.mcap
+run_node "$library/check_osi.mjs" trace.mcap
