@@ -128,8 +128,7 @@ static int create_velocities(struct static_array *s, const struct frames_config 
     const struct velocity_filter_config velocities = {
         .grid = cfg->grid,
         .n_pings = cfg->n_pings,
-        .turns_per_m = cfg->format.carrier_hz / cfg->geometry->sound_speed_m_s,
-        .gate_m = cfg->gate_m[1]};
+        .turns_per_m = cfg->format.carrier_hz / cfg->geometry->sound_speed_m_s};
 
     if (!s->cfg.moving_only || cfg->sum != FRAMES_POWER || cfg->grid.n[1] != 1)
         return 0;

@@ -13,8 +13,7 @@
 #define BRIGHT      20.0 /* over the median of the image of the ping in the middle */
 #define POWER       10.0 /* over that median, of all pings in phase: bright enough */
 #define RESTS       0.56 /* of the power of single pings: in phase for the most part */
-#define OVER_REST   1.5  /* times as bright along a course: moves, */
-#define OVER_BEYOND 2.5  /* the same beyond the gate, */
+#define OVER_REST   2.5  /* times as bright along a course: moves, */
 #define SLOWEST_M_S 0.5  /* if it is faster */
 #define FASTEST_M_S 2.4
 
@@ -419,10 +418,8 @@ static bool has_course(const struct sight *s, const struct courses *c,
     return !edge && speed_m_s > SLOWEST_M_S;
 }
 
-struct judged { /* a place that stands out */
-    double range_m, sine;
-    double power;   /* of single pings in the mean */
-    double at_rest; /* the most of what may stand there */
+struct judged {                    /* a place that stands out */
+    double range_m, sine, at_rest; /* the most of what may stand there */
     bool has_course, may_rest;
     struct volume_mover mover;
 };
@@ -442,14 +439,14 @@ static struct volume_mover mover_of(const struct velocity_filter *v,
         .power = (float)best->power};
 }
 
-/* power: of single pings. */
+/* power: of single pings in the mean. */
 static struct judged judge(struct velocity_filter *v, struct frames *f,
                            const double at_m[3], double power)
 {
     struct sight s;
 
     find_sight(v, at_m, &s);
-    struct judged out = {.range_m = s.range_m, .sine = sin(s.angle_rad), .power = power};
+    struct judged out = {.range_m = s.range_m, .sine = sin(s.angle_rad)};
     if (s.range_m < NEAREST_M)
         return out;
     out.at_rest = rests(v, f, &s);
@@ -461,8 +458,7 @@ static struct judged judge(struct velocity_filter *v, struct frames *f,
     struct courses c = choose_courses(v, &s);
     struct course best = follow(v, f, &s, &c, &out.at_rest);
     out.has_course = has_course(&s, &c, &best, v->half_s);
-    double over = s.range_m > v->cfg.gate_m ? OVER_BEYOND : OVER_REST;
-    out.may_rest = best.power <= over * out.at_rest;
+    out.may_rest = best.power <= OVER_REST * out.at_rest;
     out.mover = mover_of(v, &s, &best);
     return out;
 }
@@ -519,14 +515,13 @@ static size_t middle_look(const struct velocity_filter *v)
     return best;
 }
 
-/* The lobes of what is brighter, whether it goes along any course or none, go with the
- * speakers that sound in turn, and seem to move.  They are as far away as it is, or, of
- * speakers beside the middle, nearer or farther by their place times the difference of
- * the sines. */
+/* The lobes of what is brighter go with the speakers that sound in turn, and seem to
+ * move. They are as far away as it is, or, of speakers beside the middle, nearer or
+ * farther by their place times the difference of the sines. */
 static bool is_lobe_of(const struct velocity_filter *v, const struct judged *one,
                        const struct judged *other)
 {
-    double power = fmax(other->power, fmax(other->at_rest, (double)other->mover.power));
+    double power = fmax(other->at_rest, (double)other->mover.power);
     double off_m = fabs(one->range_m - other->range_m);
     double turn = fabs(one->sine - other->sine);
 
@@ -593,7 +588,6 @@ void velocity_filter_find(struct velocity_filter *v, struct frames *f,
                                     g->origin_m[2] + g->step_m[2] * (double)z};
             double range2 = at_m[0] * at_m[0] + at_m[2] * at_m[2];
             judged[n] = judge(v, f, at_m, level / range2);
-            judged[n].power *= range2 / median;
             judged[n].at_rest *= range2 / median;
             judged[n++].mover.power *= (float)(range2 / median);
         }

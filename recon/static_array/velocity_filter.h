@@ -28,8 +28,6 @@ struct velocity_filter_config {
     struct grid grid;   /* of the images */
     size_t n_pings;     /* of an image at most */
     double turns_per_m; /* of the traces' carrier, in a metre of path */
-    double gate_m;      /* beyond it the next emission sounds: what moves has to be
-                           clearer there */
 };
 
 struct velocity_filter;

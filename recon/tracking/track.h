@@ -64,7 +64,8 @@ struct track_config {
     double detection_probability; /* in an image that shows where the object is */
     double new_existence;         /* of the first detection, times that one's */
     struct track_life_config life;
-    double coast_s;     /* after that time unseen a track ends */
+    double coast_s;     /* after that time unseen a track ends; without a name after two
+                           looks */
     double place_looks; /* so many that show it nowhere end a track without a place:
                            before a new one of it, which takes a look, is confirmed */
     double rest_m;      /* by so much a thing at rest seems to wander, one sigma */

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 # shellcheck shell=bash
-# For the tests that run scripts of node.  One run of node in some hundred was seen to hang
-# for good on a busy machine, with nothing said, and has nothing to do with what is tested:
-# who hangs is tried again, twice, and that is said.
+# For the tests that run scripts of node.  It was seen to hang for good once, on a busy machine,
+# with nothing said, where it takes two seconds; why is not known.  Who hangs is tried again,
+# twice, and that is said.
 
 run_node() { # SCRIPT [ARGUMENT]...
     local code

@@ -1090,6 +1090,30 @@ static void once_a_background_is_taken_away_it_is_told(void **state)
     assert_int_equal(r->n, 1);
 }
 
+/* What was never told is forgotten after two looks: what comes up there when a vehicle
+ * sets off or stops is something new, which needs looks of its own. */
+static void what_has_no_name_is_forgotten_sooner(void **state)
+{
+    struct rig *r = *state;
+
+    for (int unseen = 2; unseen <= 3; unseen++) {
+        use(r);
+        begin_with_what_stands(r);
+        for (int k = 0; k < 8; k++) {
+            see_heard(r, 4.0, 2.0);
+            step(r);
+        }
+        r->scan.shows = shows_nothing;
+        for (int k = 0; k < unseen; k++)
+            step(r);
+        r->scan.shows = NULL;
+        r->scan.standing_left = false;
+        see_heard(r, 4.0, 2.0);
+        step(r);
+        assert_int_equal(r->n, unseen == 2);
+    }
+}
+
 /* Who walks past a thing as the vehicle stops: what is known of it is too near to be told
  * beside him, though its newest echo is not. */
 static void what_is_beside_somebody_is_not_told_as_a_background_begins(void **state)
@@ -1351,6 +1375,7 @@ int main(void)
         TEST(whose_course_may_be_one_of_rest_is_told_by_places_and_sooner),
         TEST(what_moves_is_known_over_a_gap),
         TEST(once_a_background_is_taken_away_it_is_told),
+        TEST(what_has_no_name_is_forgotten_sooner),
         TEST(what_is_beside_somebody_is_not_told_as_a_background_begins),
         TEST(what_a_background_leaves_has_to_move),
         TEST(what_a_background_cannot_have_left_is_told_at_rest),

@@ -63,20 +63,19 @@ static void scene_image(struct scene *s, size_t pings)
     assert_int_equal(made.unknown, 0);
 }
 
-static struct velocity_filter_config filter_config(const struct bumper *b, double gate_m)
+static struct velocity_filter_config filter_config(const struct bumper *b)
 {
     return (struct velocity_filter_config){.grid = b->cfg.grid,
                                            .n_pings = b->cfg.n_pings,
                                            .turns_per_m = b->cfg.format.carrier_hz /
-                                                          b->world.sound_speed_m_s,
-                                           .gate_m = gate_m};
+                                                          b->world.sound_speed_m_s};
 }
 
-/* What moves in the image of so many pings, before an array with a gate. */
-static void scene_find_within(struct scene *s, size_t pings, double gate_m)
+/* What moves in the image of so many pings. */
+static void scene_find(struct scene *s, size_t pings)
 {
     scene_image(s, pings);
-    const struct velocity_filter_config cfg = filter_config(&s->bumper, gate_m);
+    const struct velocity_filter_config cfg = filter_config(&s->bumper);
     struct velocity_filter *v;
     assert_int_equal(velocity_filter_create(&v, &cfg), 0);
     velocity_filter_find(v, s->frames, s->image, &s->found);
@@ -88,11 +87,6 @@ static void scene_find_within(struct scene *s, size_t pings, double gate_m)
         assert_true(volume_mover_is_sound(&s->found.movers[m]));
     for (size_t m = 0; m < s->found.n_ambiguous; m++)
         assert_true(volume_mover_is_sound(&s->found.ambiguous[m]));
-}
-
-static void scene_find(struct scene *s, size_t pings)
-{
-    scene_find_within(s, pings, INFINITY);
 }
 
 /* -- what is there ----------------------------------------------------------------------
@@ -433,24 +427,6 @@ static void what_goes_away_is_told_or_ambiguous(void **state)
     }
 }
 
-/* Half as bright again along his course as anything at rest is enough: 2.1 times with
- * eight speakers, and 1.3 times, which is not, with two.  Beyond the gate it takes 2.5.
- */
-static void what_goes_away_aside_is_told_if_it_is_clearly_brighter(void **state)
-{
-    (void)state;
-    static struct scene s;
-    const struct course away = {"away aside", {-0.6, 0.0, 2.2}, {-0.7, 0.0, 0.9}};
-    for (size_t q = 0; q < 2 * ARRAYS; q++) {
-        bool beyond = q >= ARRAYS, clear = !beyond && speaker_counts[q] == 8;
-        scene_default(&s, speaker_counts[q % ARRAYS], 2.0);
-        add_point(&s, away.at_m, away.velocity_m_s);
-        scene_find_within(&s, PINGS, beyond ? 2.0 : 2.6);
-        expect(&s, &away, clear);
-        assert_true(clear || s.found.n_ambiguous > 0);
-    }
-}
-
 /* Against the order of the speakers: with it goes the bright spot of a plane, too. */
 static void what_crosses_is_told(void **state)
 {
@@ -655,7 +631,7 @@ static void images_that_are_no_plan_view_are_refused(void **state)
     static struct scene s;
     scene_default(&s, 2, 0.0);
     bumper_start(&s.bumper);
-    struct velocity_filter_config cfg = filter_config(&s.bumper, INFINITY);
+    struct velocity_filter_config cfg = filter_config(&s.bumper);
     struct velocity_filter *v = NULL;
     cfg.grid.n[1] = 2;
     assert_int_equal(velocity_filter_create(&v, &cfg), -ENOTSUP);
@@ -676,7 +652,6 @@ int main(void)
         cmocka_unit_test(echoes_of_a_plane_are_in_phase_where_it_is),
         cmocka_unit_test(what_comes_towards_the_array_is_told),
         cmocka_unit_test(what_goes_away_is_told_or_ambiguous),
-        cmocka_unit_test(what_goes_away_aside_is_told_if_it_is_clearly_brighter),
         cmocka_unit_test(what_crosses_is_told),
         cmocka_unit_test(who_walks_across_slowly_is_told_from_what_rests_overhead),
         cmocka_unit_test(what_comes_obliquely_is_told),
