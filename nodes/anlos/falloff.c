@@ -227,12 +227,16 @@ static const char help[] =
 
 struct set {
     const char *name;
+    const char **recordings; /* [n_recordings], of falloff.recordings */
+    size_t n_recordings;
     struct falloff_points points;
     struct falloff_fit fit;
 };
 
 struct falloff {
     const char *out;
+    const char **recordings; /* [argc], of all sets */
+    size_t n_recordings;
     struct set sets[MAX_SETS];
     size_t n_sets;
 };
@@ -241,6 +245,18 @@ static void falloff_clear(struct falloff *f)
 {
     for (size_t i = 0; i < f->n_sets; i++)
         falloff_points_clear(&f->sets[i].points);
+    free(f->recordings);
+}
+
+static int measure_sets(struct falloff *f, struct error *why)
+{
+    for (size_t i = 0; i < f->n_sets; i++)
+        for (size_t k = 0; k < f->sets[i].n_recordings; k++) {
+            int err = falloff_measure(&f->sets[i].points, f->sets[i].recordings[k], why);
+            if (err)
+                return err;
+        }
+    return 0;
 }
 
 static int fit_sets(struct falloff *f, struct error *why)
@@ -398,9 +414,16 @@ static int take_argument(struct falloff *f, int code, const char *text, struct e
     if (code == 's' || !f->n_sets) {
         if (f->n_sets == MAX_SETS)
             return error_say(why, -EINVAL, "--set %s: more than %d sets", text, MAX_SETS);
-        f->sets[f->n_sets++].name = code == 's' ? text : "echoes";
+        f->sets[f->n_sets++] = (struct set){
+            .name = code == 's' ? text : "echoes",
+            .recordings = f->recordings + f->n_recordings,
+        };
     }
-    return code == 's' ? 0 : falloff_measure(&f->sets[f->n_sets - 1].points, text, why);
+    if (code != 's') {
+        f->recordings[f->n_recordings++] = text;
+        f->sets[f->n_sets - 1].n_recordings++;
+    }
+    return 0;
 }
 
 static const struct usage_option options[] = {
@@ -420,14 +443,19 @@ int command_falloff(int argc, char **argv)
                           .words = true};
     int code = 0, err = 0;
 
+    f.recordings = calloc((size_t)argc, sizeof *f.recordings);
+    if (!f.recordings)
+        err = error_say(&why, -ENOMEM, "out of memory");
     while (!err && (code = usage_next(&usage, argc, argv)) > 0)
         err = take_argument(&f, code, optarg, &why);
+    if (!err && !code && !f.n_sets)
+        code = ~usage_error("falloff", "expected one RECORDING or more");
     if (code < 0) {
         falloff_clear(&f);
         return ~code;
     }
-    if (!err && !f.n_sets)
-        return usage_error("falloff", "expected one RECORDING or more");
+    if (!err)
+        err = measure_sets(&f, &why);
     if (!err)
         err = fit_sets(&f, &why);
     if (!err) {

@@ -123,6 +123,14 @@ static void falloff_says_what_it_needs(void **state)
     command_run(&r, command_falloff, missing);
     assert_int_equal(r.code, 2);
     assert_non_null(strstr(r.err, "none/survey.yaml"));
+    char *explained[] = {"falloff", path_of("none"), "--help", NULL};
+    command_run(&r, command_falloff, explained);
+    assert_int_equal(r.code, 0);
+    assert_non_null(strstr(r.out, "usage: anlos falloff"));
+    char *unknown[] = {"falloff", path_of("none"), "--nosuch", NULL};
+    command_run(&r, command_falloff, unknown);
+    assert_int_equal(r.code, 2);
+    assert_non_null(strstr(r.err, "--nosuch: no such option"));
     char *empty[] = {"falloff", "--set", "lonely", NULL};
     command_run(&r, command_falloff, empty);
     assert_int_equal(r.code, 2);
