@@ -341,6 +341,8 @@ static bool fails_at_end(const struct launcher *l, int status, bool reports)
 
     if (WIFEXITED(status))
         return WEXITSTATUS(status) != EXIT_WORKED;
+    if (WTERMSIG(status) == SIGINT) /* Ctrl-C came before it was in a group of its own */
+        return false;
     return WTERMSIG(status) != SIGTERM && !(WTERMSIG(status) == SIGKILL && ours);
 }
 

@@ -600,6 +600,20 @@ static void what_fails_after_ctrl_c_is_told_by_the_exit_code(void **state)
                              "results are missing in ");
 }
 
+/* As of one that is only just being started, which Ctrl-C reaches like the launcher. */
+static void who_ends_by_ctrl_c_himself_has_not_failed(void **state)
+{
+    struct rig *r = *state;
+
+    write_launch(r, "can");
+    write_node(r, "can", "trap 'kill $!; kill -INT $$' TERM\necho info here\n" STAY);
+    start(r);
+    read_until(r, "here");
+    assert_int_equal(kill(r->pid, SIGINT), 0);
+    assert_int_equal(finish(r), 130);
+    assert_int_equal(count(r->text, "error"), 0);
+}
+
 static void a_recording_that_failed_is_told_after_ctrl_c_too(void **state)
 {
     struct rig *r = *state;
@@ -801,6 +815,7 @@ int main(void)
         TEST(a_recorder_that_gives_up_ends_nothing),
         TEST(a_recorder_that_cannot_end_its_bag_is_told_by_the_exit_code),
         TEST(what_fails_after_ctrl_c_is_told_by_the_exit_code),
+        TEST(who_ends_by_ctrl_c_himself_has_not_failed),
         TEST(a_recording_that_failed_is_told_after_ctrl_c_too),
         TEST(what_a_recorder_refuses_is_not_run_without_it),
         TEST(a_recorder_that_crashes_is_started_again),
