@@ -52,14 +52,14 @@ static bool is_of_this_run(const char *path)
            st.st_mtim.tv_sec * 1000000000LL + st.st_mtim.tv_nsec >= atoll(start);
 }
 
-/* The URI of a log that goes on if it has begun. */
+/* The URI of a log that goes on if it has begun in this run, or as it says itself. */
 static char *logging_uri(const char *uri)
 {
     char *path = uri_has_scheme(uri, "log") ? uri_path(uri) : uri_option(uri, "log");
     char *out = NULL;
 
     if (path)
-        out = uri_set_option(uri, "append", is_of_this_run(path) ? "yes" : "no");
+        out = is_of_this_run(path) ? uri_set_option(uri, "append", "yes") : strdup(uri);
     free(path);
     return out;
 }

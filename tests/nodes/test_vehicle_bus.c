@@ -77,6 +77,19 @@ static void so_does_that_of_a_simulated_vehicle(void **state)
     assert_goes_on(s, uri);
 }
 
+static void who_wants_it_to_go_on_from_run_to_run_gets_that(void **state)
+{
+    struct scratch *s = *state;
+    char uri[600];
+
+    snprintf(uri, sizeof uri, "log:%s?append=yes", scratch_path(s, "x.candump"));
+    unsetenv("ANLOS_LAUNCH_NS");
+    log_one(s, uri);
+    launch(s, 5);
+    log_one(s, uri);
+    assert_log(s, LINE LINE);
+}
+
 #define TEST(name) cmocka_unit_test_setup_teardown(name, scratch_open, scratch_close)
 
 int main(void)
@@ -84,6 +97,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         TEST(a_log_begins_anew_with_each_run_and_goes_on_within_one),
         TEST(so_does_that_of_a_simulated_vehicle),
+        TEST(who_wants_it_to_go_on_from_run_to_run_gets_that),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
