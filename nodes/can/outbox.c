@@ -199,6 +199,9 @@ static const char *reason(int err)
 {
     return err == -EOPNOTSUPP
                ? "the interface takes no CAN FD frames, which can.fd asks for"
+           : err == -ENOSPC
+               ? "the log cannot be written, its disk is full: make room there, or name "
+                 "another log in can.uri"
                : strerror(-err);
 }
 

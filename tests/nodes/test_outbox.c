@@ -657,7 +657,8 @@ static void an_error_that_is_not_of_the_bus_costs_the_list_and_is_said(void **st
     step(r, 1);
     assert_false(outbox_well(&r->outbox, text, sizeof text));
     assert_string_equal(
-        text, "frames did not go out: No space left on device (log:out/x.candump)");
+        text, "frames did not go out: the log cannot be written, its disk is full: make "
+              "room there, or name another log in can.uri (log:out/x.candump)");
     assert_int_equal(count_of(r, "lists_dropped"), 1);
     r->bus.flush_result = 0;
     r->bus.send_result = -EOPNOTSUPP;
