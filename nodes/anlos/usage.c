@@ -274,7 +274,7 @@ int usage_next(struct usage *u, int argc, char **argv)
             o += code - FIRST;
         while (code < FIRST && o->letter != code)
             o++;
-        wrong = o->names ? check_name(u, o) : 0;
+        wrong = o->names && !o->list ? check_name(u, o) : 0;
         if (!wrong && (o->kind == USAGE_IS_SWITCH || o->kind == USAGE_IS_VALUE))
             return o->code;
         if (!wrong)

@@ -65,6 +65,7 @@ struct usage_option {
     size_t min, max;     /* of a count */
     char letter;         /* its short form; 0: none */
     choice_names *names; /* NULL: any */
+    bool list;           /* several of them with commas between: the command checks */
 };
 
 #define USAGE_SWITCH(c)         .kind = USAGE_IS_SWITCH, .code = (c)

@@ -210,6 +210,11 @@ test_the_shell_completes_commands_verbs_options_and_topics() {
     expect_completion "paper" recon --method = pa
     expect_completion "lz4" bag record --compression l
     expect_completion "hann hamming" psf --window h
+    expect_completion "fast,paper" speed-error --methods fast,pa
+    expect_completion "survey,ping" bag filter x.mcap --topics survey,pi
+    expect_completion "detections" bag play x.mcap --exclude detec
+    expect_completion "ego,traces" bag record ego,tr
+    expect_completion "" bag record -o tr
     expect_completion "" launch --out ""
     expect_completion "" nonsense ""
 }

@@ -226,6 +226,30 @@ static void who_asks_is_told_what_a_value_may_be(void **state)
     }
 }
 
+/* What is wrong in it the command says itself. */
+static void the_names_of_a_list_are_told_and_several_are_taken(void **state)
+{
+    char *ask[] = {(char *)"anlos", (char *)"speed-error", (char *)"--help=methods",
+                   NULL};
+    char *give[] = {(char *)"anlos",
+                    (char *)"speed-error",
+                    (char *)"--methods",
+                    (char *)"fast,nothing",
+                    (char *)"--out",
+                    (char *)"/dev/null",
+                    NULL};
+    static struct command_result r;
+
+    (void)state;
+    command_run(&r, run_anlos, ask);
+    assert_int_equal(r.code, 0);
+    assert_string_equal(r.err, "");
+    assert_non_null(strstr(r.out, "auto\nfast\nbackprojection\n"));
+    command_run(&r, run_anlos, give);
+    assert_int_equal(r.code, 2);
+    assert_non_null(strstr(r.err, "nothing: no such method"));
+}
+
 static int run_anlos_on_a_full_disk(int argc, char **argv)
 {
     int full = open("/dev/full", O_WRONLY);
@@ -371,6 +395,7 @@ int main(void)
         cmocka_unit_test(a_wrong_option_ends_with_what_is_wrong_with_it),
         cmocka_unit_test(a_value_that_is_one_of_some_is_taken_and_told),
         cmocka_unit_test(who_asks_is_told_what_a_value_may_be),
+        cmocka_unit_test(the_names_of_a_list_are_told_and_several_are_taken),
         cmocka_unit_test(a_wrong_argument_of_a_launch_is_told_from_a_missing_value),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -562,7 +562,7 @@ static const char help[] =
     "\n"
     "  --format F      wav, csv, json, nrrd, png, foxglove or osi\n"
     "  -o, --out OUT   must not be there; csv and json: - is stdout\n"
-    "  --topic T       json: only these, names or patterns with commas between, or "
+    "  --topic T,...   json: only these, names or patterns with commas between, or "
     "several\n"
     "                  times; all by default\n"
     "  --scan N        wav, nrrd, png: this scan; by default the last one\n"

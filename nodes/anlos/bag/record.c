@@ -449,7 +449,7 @@ static const char help[] =
     "\n"
     "  TOPICS            names or patterns, also with commas between; default all\n"
     "  -o, --out FILE    the bag; must not be there\n"
-    "  --exclude T       all but these: names or patterns with commas between\n"
+    "  --exclude T,...   all but these: names or patterns with commas between\n"
     "  --duration-s S    ends after S seconds; default: when Ctrl-C is pressed\n"
     "  --split-mb N      begins a new file whenever one has N MB: FILE_0001.mcap,\n"
     "                    FILE_0002.mcap and so on, each of use by itself\n"

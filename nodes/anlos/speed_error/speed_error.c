@@ -10,6 +10,7 @@
 #include <string.h>
 
 #include "nodes/anlos/commands.h"
+#include "nodes/anlos/recon/options.h"
 #include "nodes/anlos/speed_error/names.h"
 #include "nodes/anlos/speed_error/noise.h"
 #include "nodes/anlos/speed_error/report.h"
@@ -367,7 +368,8 @@ static const char help[] =
 
 static const struct usage_option options[] = {
     {"scenes", USAGE_TEXT(struct speed_options, scenes)},
-    {"methods", USAGE_TEXT(struct speed_options, methods)},
+    {"methods", USAGE_TEXT(struct speed_options, methods),
+     .names = recon_sound_method_name, .list = true},
     {"recordings", USAGE_TEXT(struct speed_options, recordings)},
     {"calibration", USAGE_TEXT(struct speed_options, calibration)},
     {"out", USAGE_VALUE('o')},
