@@ -21,7 +21,7 @@ static void print_link(const struct table_link *l, FILE *f)
     char rate[TEXT_CELL_SIZE], bytes[TEXT_CELL_SIZE], latency[TEXT_CELL_SIZE],
         queue[48] = "-";
 
-    text_rate(rate, sizeof rate, l->rate_hz, l->topic->rate_hz);
+    text_rate(rate, sizeof rate, l->rate_hz, l->expected_hz);
     text_bytes(bytes, sizeof bytes, l->bytes_s);
     text_latency(latency, sizeof latency, &l->latency);
     if (!l->published)
@@ -142,7 +142,7 @@ static json_t *link_json(const struct table_link *l)
         json_pack("{ss, sb, sI, sI, so, so, so}", "topic", l->topic->name, "published",
                   l->published, "messages", (json_int_t)l->messages, "bytes",
                   (json_int_t)l->bytes, "rate_hz", export_real(l->rate_hz), "expected_hz",
-                  export_real(l->topic->rate_hz), "bytes_s", export_real(l->bytes_s));
+                  export_real(l->expected_hz), "bytes_s", export_real(l->bytes_s));
 
     if (!l->published) {
         json_object_set_new(o, "gaps", json_integer((json_int_t)l->gaps));

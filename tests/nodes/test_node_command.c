@@ -126,8 +126,8 @@ static void the_living_the_dead_and_the_unborn_are_told_apart(void **state)
 static void info_has_topics_losses_queue_device_and_endpoints(void **state)
 {
     Anlos__Health h = ready("all is well");
-    Anlos__TopicCount in = ANLOS__TOPIC_COUNT__INIT, out = in;
-    Anlos__TopicCount *topics[] = {&in, &out};
+    Anlos__TopicCount in = ANLOS__TOPIC_COUNT__INIT, out = in, idle = in;
+    Anlos__TopicCount *topics[] = {&in, &out, &idle};
     Anlos__DeviceCount overruns = ANLOS__DEVICE_COUNT__INIT, *device[] = {&overruns};
     struct command_result r;
     char endpoint[256];
@@ -141,10 +141,12 @@ static void info_has_topics_losses_queue_device_and_endpoints(void **state)
     out.topic = (char *)"traces";
     out.published = 1;
     out.messages = 684;
+    idle.topic = (char *)"receipt"; /* of a scene: recon says it */
+    idle.published = 1;
     overruns.name = (char *)"overruns";
     overruns.value = 17;
     h.topics = topics;
-    h.n_topics = 2;
+    h.n_topics = 3;
     h.device = device;
     h.n_device = 1;
     pid_t dsp = living_start(run_dir, "dsp", LIVING, &h);
@@ -161,6 +163,10 @@ static void info_has_topics_losses_queue_device_and_endpoints(void **state)
     assert_string_equal(queue, "13/64");
     assert_int_equal(gaps, 5);
     assert_int_equal(dropped, 11);
+    row = strstr(r.out, "\n  receipt ");
+    assert_non_null(row);
+    assert_int_equal(sscanf(row, " receipt %lu %23s", &messages, rate), 2);
+    assert_non_null(strstr(rate, "/-"));
     assert_contains(r.out, "all is well");
     assert_contains(r.out, "overruns");
     snprintf(endpoint, sizeof endpoint, "ipc://%s/dsp.traces.ipc\n", run_dir);
@@ -171,7 +177,14 @@ static void info_has_topics_losses_queue_device_and_endpoints(void **state)
     assert_int_equal(json_integer_value(json_object_get(o, "dropped")), 11);
     const json_t *counts = json_object_get(o, "device");
     assert_int_equal(json_integer_value(json_object_get(counts, "overruns")), 17);
-    assert_int_equal(json_array_size(json_object_get(o, "topics")), 2);
+    const json_t *told = json_object_get(o, "topics");
+    assert_int_equal(json_array_size(told), 3);
+    for (size_t i = 0; i < 3; i++) {
+        const json_t *t = json_array_get(told, i);
+        bool idles = !strcmp(json_string_value(json_object_get(t, "topic")), "receipt");
+        double hz = json_number_value(json_object_get(t, "expected_hz"));
+        assert_true(idles ? hz == 0.0 : hz > 0.0);
+    }
     json_decref(o);
     living_end(dsp, SIGTERM);
 }
