@@ -178,6 +178,7 @@ struct job {
     uint64_t told_news;
     bool stopped; /* the file of all has ended before the rest */
     int64_t start_ns;
+    double recorded_s; /* without the wait for what was sent before the end */
 };
 
 /* Of the launch file that was asked for; else of that which the launcher left.  The sound
@@ -351,6 +352,7 @@ static int record(struct job *j, struct error *why)
         show_ns = now + SHOW_PERIOD_NS;
         show(j, now);
     }
+    j->recorded_s = elapsed_s(j);
     return err ? err : tap_drain(&j->tap, why);
 }
 
@@ -371,20 +373,19 @@ static bool show_snapshots(struct job *j, double elapsed_s)
 static int end(struct job *j, int err, struct error *why)
 {
     struct recorder_totals t = {.lost = j->tap.lost};
-    double seconds = elapsed_s(j);
     bool shown = true;
     int ended = 0;
 
     if (j->snapshot) {
         snapshot_end(j->snapshot, clock_now_ns(j->clock));
-        shown = show_snapshots(j, seconds);
+        shown = show_snapshots(j, j->recorded_s);
     }
     if (j->recorder) {
         ended = j->stopped
                     ? 0
                     : recorder_end(j->recorder, clock_now_ns(j->clock), err ? NULL : why);
         recorder_sum(j->recorder, &t);
-        shown &= record_show_end(&j->show, j->recorder, seconds);
+        shown &= record_show_end(&j->show, j->recorder, j->recorded_s);
     }
     uint64_t refused = bus_refused(j->bus);
     if (refused)
