@@ -767,6 +767,25 @@ static void launch_files_of_the_papers_arrangements_can_be_loaded(void **state)
     }
 }
 
+static void who_simulates_another_scene_has_another_folder_of_results(void **state)
+{
+    static const char *const names[] = {"demo", "drive", "drive-car", "full-array",
+                                        "one-pair"};
+    struct error why = {""};
+
+    (void)state;
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
+        char path[300], folder[64];
+        struct launchfile *l = NULL;
+        snprintf(path, sizeof path, "%s/launch/%s.yaml", SOURCE_DIR, names[i]);
+        snprintf(folder, sizeof folder, "out/%s", names[i]);
+        if (launchfile_load(&l, path, NULL, &why))
+            fail_msg("%s", why.text);
+        assert_string_equal(l->report.folder, folder);
+        launchfile_destroy(l);
+    }
+}
+
 static void a_fixed_array_is_tracked_unless_told(void **state)
 {
     struct launchfile *l = launch_load(*state, "nodes: [track]\n");
@@ -1046,6 +1065,7 @@ int main(void)
         TEST(a_fixed_array_has_its_speakers_and_backgrounds),
         TEST(what_does_not_fit_a_scan_is_named),
         TEST(launch_files_of_the_papers_arrangements_can_be_loaded),
+        TEST(who_simulates_another_scene_has_another_folder_of_results),
         TEST(a_fixed_array_is_tracked_unless_told),
         TEST(everything_of_tracks_can_be_said),
         TEST(what_makes_no_sense_of_tracks_is_refused),
