@@ -100,12 +100,35 @@ static int error_say_of(const struct launchfile *l, const char *node,
     return error_say(why, err, "%s: %s.uri: %.900s", l->path, node, inner->text);
 }
 
+/* A pass without the objects is played from a recording of its own. */
+static int check_background(const struct launchfile *l, struct error *why)
+{
+    if (!l->scan.background || !uri_has_scheme(l->array.uri, "wav") ||
+        !launchfile_has_node(l, "scan"))
+        return 0;
+    char *background = uri_option(l->array.uri, "background");
+    int err = 0;
+
+    if (!background)
+        err = error_say(why, -ENOMEM, "%s: not enough memory", l->path);
+    else if (!*background)
+        err = error_say(why, -EINVAL,
+                        "%s: scan.background: %s names no recording of it; name one with "
+                        "background=FOLDER in array.uri, or scan without",
+                        l->path, l->array.uri);
+    free(background);
+    return err;
+}
+
 static int check_array(const struct launchfile *l, struct error *why)
 {
     struct error inner = {""};
     struct array *array = NULL;
-    int err = array_open(&array, l->array.uri, clock_system(), &inner);
+    int err = check_background(l, why);
 
+    if (err)
+        return err;
+    err = array_open(&array, l->array.uri, clock_system(), &inner);
     if (err)
         return error_say_of(l, "array", &inner, err, why);
     if (l->scan.fixed && launchfile_has_node(l, "scan"))

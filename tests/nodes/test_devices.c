@@ -104,6 +104,28 @@ static void simulated_devices_have_to_go_together(void **state)
     }
 }
 
+static void a_recording_without_a_background_has_none_to_be_scanned(void **state)
+{
+    static const char *const parts =
+        "array: {uri: 'wav:/rec%s'}\nscan: {background: %s}\n";
+    static const struct {
+        const char *option, *background, *said;
+    } cases[] = {
+        {"", "true", "a.yaml: scan.background: wav:/rec names no recording of it; name"},
+        {"?loop=yes", "true", "scan.background: wav:/rec?loop=yes names no recording"},
+        {"?background=/empty", "true", "a.yaml: array.uri: wav:/rec"}, /* is not there */
+        {"", "false", "a.yaml: array.uri: wav:/rec"},
+    };
+    struct error why;
+
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        char text[160];
+        snprintf(text, sizeof text, parts, cases[i].option, cases[i].background);
+        assert_true(check(*state, "array, scan", text, &why) < 0);
+        assert_contains(why.text, cases[i].said);
+    }
+}
+
 static void what_no_node_uses_is_not_looked_at(void **state)
 {
     struct error why;
@@ -119,6 +141,7 @@ int main(void)
         TEST(devices_that_are_there_are_fine_and_no_log_is_made),
         TEST(what_is_not_there_is_named_with_file_and_key),
         TEST(simulated_devices_have_to_go_together),
+        TEST(a_recording_without_a_background_has_none_to_be_scanned),
         TEST(what_no_node_uses_is_not_looked_at),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
