@@ -546,6 +546,10 @@ int node_finish(struct node *n, int err)
     case -ENOTSUP:
     case -EACCES:
     case -ENOTDIR:
+    case -EISDIR:
+    case -ENAMETOOLONG:
+    case -ELOOP:  /* a link, */
+    case -EMLINK: /* or a file of several names, through which nothing is written */
     case -EROFS:
     case -EADDRINUSE:
     case -EADDRNOTAVAIL:

@@ -287,6 +287,23 @@ static void what_could_not_be_opened_ends_a_node_that_never_ran(void **state)
     bus_destroy(t.dsp);
 }
 
+/* Another try would not help: the launcher is to stop, not to start it again. */
+static void what_another_name_would_mend_is_bad_input(void **state)
+{
+    static const int errors[] = {-EISDIR, -ENAMETOOLONG, -ELOOP, -EMLINK};
+    static const struct loop_timer at_once[] = {{.due_ns = due, .run = tick},
+                                                {.run = NULL}};
+    const struct loop loop = {.timers = at_once, .end = count_end, .close = count_close};
+    const struct error why = {"no such file"};
+
+    for (size_t i = 0; i < sizeof errors / sizeof *errors; i++) {
+        struct talk t;
+        start(&t, *state);
+        assert_int_equal(loop_main(t.node, &loop, &t, errors[i], &why), EXIT_BAD_INPUT);
+        bus_destroy(t.dsp);
+    }
+}
+
 #define TEST(name) cmocka_unit_test_setup_teardown(name, scratch_open, scratch_close)
 
 int main(void)
@@ -298,6 +315,7 @@ int main(void)
         TEST(a_timer_runs_without_messages_and_never_early),
         TEST(what_a_node_ends_with_is_its_exit_code),
         TEST(what_could_not_be_opened_ends_a_node_that_never_ran),
+        TEST(what_another_name_would_mend_is_bad_input),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
