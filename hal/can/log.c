@@ -108,12 +108,30 @@ static int read_arg(struct device *d, const char *arg, const char **interface,
                : error_say(why, -EINVAL, "expected the name of a file, log:out.candump");
 }
 
+/* Nothing there is as good as a file that may be written; 0 or an errno. */
+static int look_at_place(const char *path)
+{
+    struct stat st;
+    if (lstat(path, &st))
+        return errno == ENOENT ? 0 : errno;
+    if (S_ISLNK(st.st_mode))
+        return strncmp(path, "/dev/", 5) ? ELOOP : 0;
+    return S_ISDIR(st.st_mode)                      ? EISDIR
+           : S_ISREG(st.st_mode) && st.st_nlink > 1 ? EMLINK
+           : access(path, W_OK)                     ? errno
+                                                    : 0;
+}
+
 static int log_check(const char *arg, struct error *why)
 {
     struct device d;
     const char *interface;
     bool append;
     int err = read_arg(&d, arg, &interface, &append, why);
+    int in_the_way = err ? 0 : look_at_place(d.path);
+    if (in_the_way)
+        err = error_say(why, -in_the_way, "%s cannot be written: %s", d.path,
+                        explain(in_the_way));
     device_clear(&d);
     return err;
 }

@@ -15,10 +15,6 @@
 #include "nodes/rt/round_check.h"
 #include "nodes/rt/uri.h"
 
-/* Do the simulated devices of a launch file go together?  The array and the vehicle are
- * of one drive, and a drive goes on while a scan with steps would want everything to
- * stand still. */
-
 /* The scene of a node that there is; NULL: it is not simulated. */
 static int scene_of(const struct launchfile *l, const char *node, const char *uri,
                     char **out)
@@ -74,32 +70,6 @@ static int check_pace(const struct launchfile *l, const char *array, struct erro
     return err;
 }
 
-/* 0, -EINVAL, -ENOMEM, or what a scene file has wrong; the error names file and key.
- */
-static int scenes_check(const struct launchfile *l, struct error *why)
-{
-    char *array = NULL, *can = NULL;
-    int err = scene_of(l, "array", l->array.uri, &array);
-
-    if (!err)
-        err = scene_of(l, "can", l->can.uri, &can);
-    if (err)
-        error_say(why, err, "%s: not enough memory", l->path);
-    else
-        err = check_pair(l, array, can, why);
-    if (!err)
-        err = check_pace(l, array, why);
-    free(array);
-    free(can);
-    return err;
-}
-
-static int error_say_of(const struct launchfile *l, const char *node,
-                        const struct error *inner, int err, struct error *why)
-{
-    return error_say(why, err, "%s: %s.uri: %.900s", l->path, node, inner->text);
-}
-
 /* A pass without the objects is played from a recording of its own. */
 static int check_background(const struct launchfile *l, struct error *why)
 {
@@ -120,15 +90,37 @@ static int check_background(const struct launchfile *l, struct error *why)
     return err;
 }
 
+int devices_fit(const struct launchfile *l, struct error *why)
+{
+    char *array = NULL, *can = NULL;
+    int err = scene_of(l, "array", l->array.uri, &array);
+
+    if (!err)
+        err = scene_of(l, "can", l->can.uri, &can);
+    if (err)
+        error_say(why, err, "%s: not enough memory", l->path);
+    else
+        err = check_background(l, why);
+    if (!err)
+        err = check_pair(l, array, can, why);
+    if (!err)
+        err = check_pace(l, array, why);
+    free(array);
+    free(can);
+    return err;
+}
+
+static int error_say_of(const struct launchfile *l, const char *node,
+                        const struct error *inner, int err, struct error *why)
+{
+    return error_say(why, err, "%s: %s.uri: %.900s", l->path, node, inner->text);
+}
+
 static int check_array(const struct launchfile *l, struct error *why)
 {
     struct error inner = {""};
     struct array *array = NULL;
-    int err = check_background(l, why);
-
-    if (err)
-        return err;
-    err = array_open(&array, l->array.uri, clock_system(), &inner);
+    int err = array_open(&array, l->array.uri, clock_system(), &inner);
     if (err)
         return error_say_of(l, "array", &inner, err, why);
     if (l->scan.fixed && launchfile_has_node(l, "scan"))
@@ -167,5 +159,5 @@ int devices_check(const struct launchfile *l, struct error *why)
     for (size_t i = 0; !err && i < sizeof devices / sizeof *devices; i++)
         if (launchfile_runs_here(l, devices[i].node))
             err = devices[i].check(l, why);
-    return err ? err : scenes_check(l, why);
+    return err ? err : devices_fit(l, why);
 }

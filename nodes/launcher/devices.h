@@ -12,4 +12,10 @@
  * names the launch file and the key.  0, or what the device says. */
 int devices_check(const struct launchfile *l, struct error *why);
 
+/* Do they go together, and with the scan?  A simulated array and vehicle are of one
+ * drive, a drive goes on while a scan with steps would want everything to stand still,
+ * and a recording has a background, or none is scanned.  Part of devices_check.  0,
+ * -EINVAL, -ENOMEM, or what a scene file has wrong; the error names file and key. */
+int devices_fit(const struct launchfile *l, struct error *why);
+
 #endif

@@ -59,6 +59,10 @@ static void what_is_not_there_is_named_with_file_and_key(void **state)
          "interface \"a b\": expected a name", -EINVAL},
         {"array: {uri: 'sim:" SCENE "'}\ncan: {uri: 'log:x?interfaces=a'}\n",
          "x?interfaces=a: there is no option \"interfaces\"", -EINVAL},
+        {"array: {uri: 'sim:" SCENE "'}\ncan: {uri: 'log:/tmp'}\n",
+         "a.yaml: can.uri: log:/tmp: /tmp cannot be written: Is a directory", -EISDIR},
+        {"array: {uri: 'sim:" SCENE "'}\ncan: {uri: 'sim:" SCENE "?log=/dev/null/x'}\n",
+         "/dev/null/x cannot be written: Not a directory", -ENOTDIR},
     };
     struct error why;
 
@@ -106,23 +110,29 @@ static void simulated_devices_have_to_go_together(void **state)
 
 static void a_recording_without_a_background_has_none_to_be_scanned(void **state)
 {
-    static const char *const parts =
-        "array: {uri: 'wav:/rec%s'}\nscan: {background: %s}\n";
     static const struct {
-        const char *option, *background, *said;
+        const char *parts, *said; /* NULL: nothing */
     } cases[] = {
-        {"", "true", "a.yaml: scan.background: wav:/rec names no recording of it; name"},
-        {"?loop=yes", "true", "scan.background: wav:/rec?loop=yes names no recording"},
-        {"?background=/empty", "true", "a.yaml: array.uri: wav:/rec"}, /* is not there */
-        {"", "false", "a.yaml: array.uri: wav:/rec"},
+        {"array: {uri: 'wav:/rec'}\nscan: {background: true}\n",
+         "a.yaml: scan.background: wav:/rec names no recording of it; name one with"},
+        {"array: {uri: 'wav:/rec?loop=yes'}\nscan: {background: true}\n",
+         "a.yaml: scan.background: wav:/rec?loop=yes names no recording of it"},
+        {"array: {uri: 'wav:/rec?background=/empty'}\nscan: {background: true}\n", NULL},
+        {"array: {uri: 'wav:/rec'}\nscan: {background: false}\n", NULL},
     };
-    struct error why;
+    struct scratch *s = *state;
 
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        char text[160];
-        snprintf(text, sizeof text, parts, cases[i].option, cases[i].background);
-        assert_true(check(*state, "array, scan", text, &why) < 0);
-        assert_contains(why.text, cases[i].said);
+        char text[200];
+        struct error why = {""};
+        struct launchfile *l = NULL;
+        snprintf(text, sizeof text, "nodes: [array, scan]\n%s", cases[i].parts);
+        if (launchfile_load(&l, scratch_write(s, "a.yaml", text), NULL, &why))
+            fail_msg("%s", why.text);
+        assert_int_equal(devices_fit(l, &why), cases[i].said ? -EINVAL : 0);
+        if (cases[i].said)
+            assert_contains(why.text, cases[i].said);
+        launchfile_destroy(l);
     }
 }
 

@@ -173,6 +173,21 @@ static void a_device_name_that_is_wrong_is_told_with_its_option(void **state)
     json_decref(o);
 }
 
+static void what_a_launch_would_refuse_is_wrong(void **state)
+{
+    struct command_result r;
+
+    (void)state;
+    json_t *o = run(&r, "nodes: [array, scan, can]\n"
+                        "array: {uri: 'wav:/rec'}\n"
+                        "scan: {background: true}\n"
+                        "can: {uri: 'log:/tmp'}\n");
+    assert_int_equal(r.code, 1);
+    expect(o, "launch", "wrong", "scan.background: wav:/rec names no recording of it");
+    expect(o, "can", "wrong", "/tmp cannot be written: Is a directory");
+    json_decref(o);
+}
+
 static void a_folder_that_cannot_be_written_is_wrong(void **state)
 {
     struct command_result r;
@@ -478,6 +493,7 @@ int main(void)
         cmocka_unit_test(a_bad_launch_file_is_named_with_its_line),
         cmocka_unit_test(devices_that_are_not_there_are_wrong_with_advice),
         cmocka_unit_test(a_device_name_that_is_wrong_is_told_with_its_option),
+        cmocka_unit_test(what_a_launch_would_refuse_is_wrong),
         cmocka_unit_test(a_folder_that_cannot_be_written_is_wrong),
         cmocka_unit_test(a_run_folder_too_long_for_sockets_is_wrong),
         cmocka_unit_test(of_several_machines_only_this_one_is_looked_at),

@@ -12,6 +12,7 @@
 #include "hal/array.h"
 #include "hal/can/errors.h"
 #include "hal/can/socket.h"
+#include "hal/canbus.h"
 #include "hal/device.h"
 #include "hal/stage.h"
 #include "hal/stage/gpio.h"
@@ -323,9 +324,12 @@ void doctor_can(const void *ctx, struct findings *f)
     if (l && doctor_runs(ctx, l, "can")) {
         const char *interface = device_arg(l->can.uri, "socketcan");
         char name[64];
+        struct error why = {""};
         if (interface) {
             snprintf(name, sizeof name, "%.*s", (int)strcspn(interface, "?"), interface);
             look_at_interface(f, name, l->can.fd);
+        } else if (canbus_check(l->can.uri, &why)) {
+            finding_add(f, FINDING_WRONG, "can", "%s", why.text);
         } else {
             finding_add(f, FINDING_OK, "can", "frames go into %s, to no vehicle",
                         l->can.uri);

@@ -21,6 +21,7 @@
 #include "msgs/endpoint.h"
 #include "msgs/topics.h"
 #include "nodes/anlos/doctor/doctor.h"
+#include "nodes/launcher/devices.h"
 #include "nodes/launcher/program.h"
 #include "nodes/rt/launchfile_hosts.h"
 #include "nodes/rt/rundir.h"
@@ -293,7 +294,10 @@ void doctor_launch(const void *ctx, struct findings *f)
     }
     for (unsigned i = 0; i < l->n_nodes; i++)
         text_add(nodes, sizeof nodes, ", ", "%s", l->nodes[i]);
-    finding_add(f, FINDING_OK, "launch", "%s: %s", d->launch, nodes);
+    if (devices_fit(l, &why))
+        finding_add(f, FINDING_WRONG, "launch", "%s", why.text);
+    else
+        finding_add(f, FINDING_OK, "launch", "%s: %s", d->launch, nodes);
     look_at_host(d, l, f);
     if (doctor_runs(d, l, "report"))
         look_at_folder(f, "results", "results go to", l->report.folder);
