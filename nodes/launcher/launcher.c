@@ -304,12 +304,20 @@ static bool refuses(const struct launcher *l, int status)
            !process_group_runs(&l->process_group, false);
 }
 
+static void goes_on_without(struct launcher *l, struct child *c, int status)
+{
+    char exit_text[64], text[160];
+
+    c->phase = CHILD_FAILED;
+    child_describe_exit(status, exit_text, sizeof exit_text);
+    snprintf(text, sizeof text, "ended with %s; the others go on without it", exit_text);
+    launcher_say(l, c->name, LOG_LEVEL_ERROR, text);
+}
+
 /* One that is aside is started again only when it crashed: what made it give up, such as
  * a full disk, is still there. */
 static void exited_aside(struct launcher *l, struct child *c, int status)
 {
-    char exit_text[64], text[160];
-
     if (refuses(l, status)) {
         launcher_stop(l, EXIT_BAD_INPUT);
         return;
@@ -327,10 +335,14 @@ static void exited_aside(struct launcher *l, struct child *c, int status)
         }
         return;
     }
-    c->phase = CHILD_FAILED;
-    child_describe_exit(status, exit_text, sizeof exit_text);
-    snprintf(text, sizeof text, "ended with %s; the others go on without it", exit_text);
-    launcher_say(l, c->name, LOG_LEVEL_ERROR, text);
+    goes_on_without(l, c, status);
+}
+
+/* A page that ran and crashed: a sensor does not end with it.  What it refuses when it
+ * is started is of the launch file, as of any node. */
+static bool is_page_that_ran(const struct child *c)
+{
+    return !strcmp(c->name, "view") && c->crashes;
 }
 
 /* What it failed at itself while it was stopping; not that it was stopped.  Whoever is
@@ -397,6 +409,11 @@ static void exited(struct launcher *l, struct child *c, int status)
     }
     if (c->aside) {
         exited_aside(l, c, status);
+        return;
+    }
+    if ((phase == CHILD_BAD_CONFIG || phase == CHILD_FAILED) && is_page_that_ran(c)) {
+        l->incomplete = true;
+        goes_on_without(l, c, status);
         return;
     }
     switch (phase) {

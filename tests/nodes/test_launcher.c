@@ -574,6 +574,33 @@ static void a_recorder_that_gives_up_ends_nothing(void **state)
     assert_int_equal(count(r->text, "starts again"), 0);
 }
 
+/* Its port may have been taken meanwhile. */
+static void a_page_that_cannot_be_started_again_ends_nothing(void **state)
+{
+    struct rig *r = *state;
+
+    write_launch(r, "view, can");
+    write_node(r, "view", "test -e $D/first && exit 2\n: > $D/first; kill -SEGV $$");
+    write_node(r, "can", TRAP "echo info here\n" STAY);
+    start(r);
+    read_until(r, "can     info    here");
+    read_until(r, "view    error   ended with exit code 2; the others go on without it");
+    assert_int_equal(kill(r->pid, SIGINT), 0);
+    assert_int_equal(finish(r), 1);
+    assert_contains(r->text, "can     info    stopped");
+}
+
+static void a_page_that_is_refused_at_first_is_not_done_without(void **state)
+{
+    struct rig *r = *state;
+
+    write_launch(r, "view, can");
+    write_node(r, "view", "exit 2");
+    write_node(r, "can", TRAP STAY);
+    start(r);
+    assert_int_equal(finish(r), 2);
+}
+
 static void a_recorder_that_cannot_end_its_bag_is_told_by_the_exit_code(void **state)
 {
     struct rig *r = *state;
@@ -813,6 +840,8 @@ int main(void)
         TEST(nodes_get_their_arguments),
         TEST(the_recorder_is_stopped_when_all_others_have_ended),
         TEST(a_recorder_that_gives_up_ends_nothing),
+        TEST(a_page_that_cannot_be_started_again_ends_nothing),
+        TEST(a_page_that_is_refused_at_first_is_not_done_without),
         TEST(a_recorder_that_cannot_end_its_bag_is_told_by_the_exit_code),
         TEST(what_fails_after_ctrl_c_is_told_by_the_exit_code),
         TEST(who_ends_by_ctrl_c_himself_has_not_failed),
