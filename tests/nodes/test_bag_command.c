@@ -986,6 +986,8 @@ static void wrong_arguments_are_refused(void **state)
         {{"merge", "a", "--shuffle", "--compression", "none"}, "--shuffle: is for"},
         {{"export", "a", "-o", "b"}, "--format is missing"},
         {{"export", "a", "--format", "mp3"}, "--format mp3: expected wav"},
+        {{"export", "a", "--format=png", "-o", "-"}, "-o -: --format png does not go"},
+        {{"export", "a", "--format=wav", "-o", "-"}, "-o -: --format wav does not go"},
         {{"import", "-o", "b"}, "FOLDER or FILE.mat is missing"},
         {{"import", "/nowhere", "-o", "/tmp/anlos-never"}, "/nowhere"},
     };

@@ -673,6 +673,11 @@ static int check(const struct export_options *o, const struct format *f)
         return usage_error("bag export", "--format is missing");
     if (!o->out)
         return usage_error("bag export", "-o OUT is missing");
+    if (!strcmp(o->out, "-") && !json && strcmp(f->name, "csv"))
+        return usage_error("bag export",
+                           "-o -: --format %s does not go to standard output, csv "
+                           "and json do; name a file or folder",
+                           f->name);
     if (o->full && !json && f->write != export_foxglove)
         return usage_error("bag export", "--full: only with --format json or foxglove");
     if (o->scene && f->write != export_osi)
