@@ -7,7 +7,8 @@ set -euo pipefail
 
 scripts=(launch/setup launch/build launch/demo launch/package/manuals launch/arm64/sysroot
     launch/arm64/packages launch/batch/slurm.sh tests/run tests/format
-    tests/hw/kernel tests/hw/guest)
+    tests/hw/kernel tests/hw/guest tests/fuzz/run tests/golden/generate tests/bench/coverage
+    tests/bench/browser tests/bench/replay_same .ci/run)
 
 test_every_script_explains_itself() {
     local script
