@@ -99,8 +99,19 @@ def number(cell):
     return float(cell.replace("−", "-").split()[0])
 
 
+# From a page's first moment on.
+LINK_STATES = """
+    window.linkStates = [];
+    new MutationObserver(() => {
+        const link = document.querySelector('#link');
+        if (link) linkStates.push(link.dataset.state);
+    }).observe(document, { attributes: true, attributeFilter: ['data-state'], subtree: true });
+"""
+
+
 def it_says_what_it_waits_for(browser):
     browser.wait("document.querySelector('#link').textContent === 'Waits for the system'")
+    check(browser.ask("linkStates[0]") == "wait", "no connection is lost before there is one")
     for place in "#image-empty", "#objects-empty", "#array-empty", "#nodes-empty":
         check(len(text(browser, place)) > 20, place + " says what is waited for")
     check("anlos launch" in text(browser, "#nodes-empty"), "and what to do")
@@ -322,6 +333,7 @@ def live(browser, anlos, source, work, pictures):
     run_dir, bag = work + "/run", work + "/demo.mcap"
     view = View(anlos, "--port", "0", "--run-dir", run_dir)
     browser.size(1280, 800)
+    browser.call("Page.addScriptToEvaluateOnNewDocument", source=LINK_STATES)
     browser.open(view.url)
     it_says_what_it_waits_for(browser)
     # Its launcher's log would be in the way of ctest's.

@@ -43,7 +43,8 @@ function replayText(clock) {
 function showLink(link) {
     const heard = known.time?.heard ? (known.time.now - known.time.heard) / 1000 : null;
     const heardNodes = nodes().filter((n) => n.state !== "silent").length;
-    const [state, text] = !link.open ? ["lost", "No connection to the server, trying again"]
+    const [state, text] = !link.open && !link.story.length ? ["wait", "connecting"]
+        : !link.open ? ["lost", "No connection to the server, trying again"]
         : link.silentMs() > SILENT_MS ? ["stale", `Stale: no answer for ${Math.round(link.silentMs() / 1000)} s`]
         : isBag() ? ["ok", known.hello.origin.split("/").pop()]
         : heard === null ? ["wait", "Waits for the system"]
