@@ -332,16 +332,17 @@ def live(browser, anlos, source, work, pictures):
     objects = truth(source + "/launch/scenes/corner.yaml")
     run_dir, bag = work + "/run", work + "/demo.mcap"
     view = View(anlos, "--port", "0", "--run-dir", run_dir)
-    browser.size(1280, 800)
-    browser.call("Page.addScriptToEvaluateOnNewDocument", source=LINK_STATES)
-    browser.open(view.url)
-    it_says_what_it_waits_for(browser)
-    # Its launcher's log would be in the way of ctest's.
-    with open(work + "/launch.log", "w") as log:
-        launch = subprocess.Popen([anlos, "launch", source + "/launch/demo.yaml", "--out",
-                                   work + "/out", "--run-dir", run_dir, "--record", bag],
-                                  stdout=log, stderr=log)
+    launch = None
     try:
+        browser.size(1280, 800)
+        browser.call("Page.addScriptToEvaluateOnNewDocument", source=LINK_STATES)
+        browser.open(view.url)
+        it_says_what_it_waits_for(browser)
+        # Its launcher's log would be in the way of ctest's.
+        with open(work + "/launch.log", "w") as log:
+            launch = subprocess.Popen([anlos, "launch", source + "/launch/demo.yaml",
+                                       "--out", work + "/out", "--run-dir", run_dir,
+                                       "--record", bag], stdout=log, stderr=log)
         with told(browser):
             browser.wait("document.querySelector('#scan-state').textContent === 'Scan 1 done'"
                          " && document.querySelector('#image-about').textContent.startsWith("
@@ -370,8 +371,9 @@ def live(browser, anlos, source, work, pictures):
             a_page_that_stood_still_keeps_its_connection(browser)
             view = it_says_when_data_is_stale_and_comes_back(browser, view, anlos, run_dir)
     finally:
-        launch.kill()
-        launch.wait()
+        if launch:
+            launch.kill()
+            launch.wait()
         view.end()
     return bag
 
