@@ -121,6 +121,7 @@ static int check_array(const struct launchfile *l, struct error *why)
     struct error inner = {""};
     struct array *array = NULL;
     int err = array_open(&array, l->array.uri, clock_system(), &inner);
+
     if (err)
         return error_say_of(l, "array", &inner, err, why);
     if (l->scan.fixed && launchfile_has_node(l, "scan"))
