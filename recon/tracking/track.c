@@ -26,6 +26,7 @@
 #define NAMELESS_LOOKS    2.0        /* what has no name yet ends unseen after them */
 #define LONGEST_S         60.0       /* nothing is predicted farther */
 #define REACH_M           1.0        /* existence is that of something so near */
+#define GLINT_STAYS_S     5.0 /* what does not walk, lost, is rather gone than hidden */
 #define SECOND_NS         1000000000u
 
 /* An echo may come from any height of a body: by how much bodies differ in the mean of
@@ -48,7 +49,9 @@ void track_config_default(struct track_config *cfg)
                                           .confirm_of = 3,
                                           .confirm_existence = 0.95,
                                           .delete_existence = 0.02,
-                                          .survival_s = 10.0},
+                                          .survival_s = 30.0,
+                                          .hides_s = 2.0,
+                                          .hidden_s = 2.0},
                                  .coast_s = 1.5,
                                  .place_looks = 0.75,
                                  .rest_m = 0.05,
@@ -72,7 +75,8 @@ static bool is_valid(const struct track_config *c)
            c->place_looks >= 0.0 && c->reset_s >= 0.0 && c->life.confirm_hits >= 1 &&
            c->life.confirm_hits <= c->life.confirm_of &&
            c->life.confirm_of <= TRACK_LOOKS_MAX && c->life.confirm_existence < 0.999 &&
-           c->life.delete_existence < 1.0;
+           c->life.delete_existence < 1.0 && c->life.hides_s >= 0.0 &&
+           (c->life.hides_s == 0.0 || c->life.hidden_s > 0.0);
 }
 
 int tracker_create(struct tracker **out, const struct track_config *cfg)
@@ -145,7 +149,12 @@ static void predict(struct tracker *t, double dt_s, bool ego_known)
         predict_filter(t, k, dt_s, lost);
         track_filter_predict(&k->steady, dt_s, STEADY_PSD_M2_S3 + lost);
         track_outline_predict(k, dt_s);
-        track_life_predict(&k->life, &t->life, dt_s);
+        struct track_life_config life = t->life;
+        if (!k->models.begun && k->state == TRACK_PREDICTED) {
+            life.hides_s = 0.0;
+            life.survival_s = fmin(life.survival_s, GLINT_STAYS_S);
+        }
+        track_life_predict(&k->life, &life, dt_s);
     }
 }
 

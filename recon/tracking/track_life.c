@@ -29,15 +29,26 @@ void track_life_start(struct track_life *l, const struct track_life_config *cfg,
 void track_life_predict(struct track_life *l, const struct track_life_config *cfg,
                         double dt_s)
 {
-    l->existence *= exp(-dt_s / cfg->survival_s);
+    double stays = exp(-dt_s / cfg->survival_s);
+
+    l->existence *= stays;
+    l->hidden *= stays;
+    if (cfg->hides_s > 0.0) { /* two states forget in which they began */
+        double left = exp(-dt_s * (1.0 / cfg->hides_s + 1.0 / cfg->hidden_s));
+        double share = cfg->hidden_s / (cfg->hides_s + cfg->hidden_s);
+        l->hidden = left * l->hidden + (1.0 - left) * share * l->existence;
+    }
 }
 
 void track_life_update(struct track_life *l, const struct track_life_config *cfg,
                        bool seen, double ratio, double fresh)
 {
-    double odds = pow(fmax(ratio, 1e-12), fresh) * l->existence;
+    double there = pow(fmax(ratio, 1e-12), fresh) * (l->existence - l->hidden) +
+                   l->hidden;
+    double all = there + 1.0 - l->existence;
 
-    l->existence = fmin(odds / (odds + 1.0 - l->existence), SUREST);
+    l->existence = fmin(there / all, SUREST);
+    l->hidden = fmin(l->hidden / all, l->existence);
     l->fresh += fresh;
     l->seen_fresh += seen ? fresh : 0.0;
     if (l->fresh >= WHOLE) {

@@ -628,7 +628,7 @@ static void what_lists_can_tell_of_is_in_them(void **state)
 }
 
 /* He walks past the end, and no sound of him comes any more: that says nothing of him,
- * but where the wall goes on it says that he is gone. */
+ * but where the wall goes on it says that he is hidden or gone. */
 static void who_leaves_the_end_of_a_wall_is_out_of_view_not_missed(void **state)
 {
     struct rig *r = *state;
@@ -653,7 +653,7 @@ static void who_leaves_the_end_of_a_wall_is_out_of_view_not_missed(void **state)
             image(r);
         }
     }
-    assert_true(existence[0] < 0.5); /* after six images without him */
+    assert_true(existence[0] < 0.95 * existence[1]); /* after six images without him */
     assert_true(existence[1] > 0.9); /* at the edge he may have been missed once */
 }
 

@@ -243,14 +243,14 @@ static void while_a_sound_drowns_the_images_tracks_go_on(void **state)
     assert_int_equal(d->measurement, ANLOS__MEASUREMENT__MEASURED);
     double existence = d->existence;
     r->volume.pings_blanked = 2;
-    for (int k = 0; k < 4; k++) { /* 1 s of the 10 s that an object stays */
+    for (int k = 0; k < 4; k++) { /* 1 s of the 30 s that an object stays */
         add(r, -0.5, 2.5, 1.0);
         image(r);
         assert_int_equal(r->list->n_detections, 1);
         d = r->list->detections[0];
         assert_int_equal(d->measurement, ANLOS__MEASUREMENT__PREDICTED);
         double near = 1.0 - exp(-1.0 / (d->covariance_m2[0] + d->covariance_m2[3]));
-        assert_near(d->existence, existence * exp(-0.025 * (k + 1)) * near, 1e-4);
+        assert_near(d->existence, existence * exp(-0.25 / 30.0 * (k + 1)) * near, 1e-4);
     }
     r->volume.pings_blanked = 0;
     add(r, 0.5, 2.0, 1.0);

@@ -158,7 +158,24 @@ static void nothing_is_held_against_what_the_image_does_not_show(void **state)
     double existence = r->reports[0].existence;
     r->scan.shows = shows_nothing;
     step(r);
-    assert_near(r->reports[0].existence, existence * exp(-0.025), 1e-6);
+    assert_near(r->reports[0].existence, existence * exp(-0.25 / r->cfg.life.survival_s),
+                1e-6);
+}
+
+/* Eight in ten looks would show him, and behind a corner none. */
+static void who_is_not_heard_in_view_is_rather_hidden_than_gone(void **state)
+{
+    struct rig *r = *state;
+    double ages_s = 0.0;
+
+    for (int k = 0; k < 20; k++)
+        walk(r, k, 1.2);
+    double existence = r->reports[0].existence;
+    for (int k = 0; k < 4; k++, ages_s += 0.25)
+        step(r);
+    assert_below(r->reports[0].existence,
+                 existence * exp(-ages_s / r->cfg.life.survival_s));
+    assert_below(0.6, r->reports[0].existence);
 }
 
 static void something_comes_back_under_its_id(void **state)
@@ -258,7 +275,7 @@ static void who_walks_on_unseen_is_told_as_sure_as_he_is_near(void **state)
         assert_int_equal(p->state, TRACK_PREDICTED);
         assert_near(p->existence, seen * stays * near, 0.01);
     }
-    assert_below(r->reports[0].existence, 0.85);
+    assert_below(r->reports[0].existence, 0.92);
 }
 
 /* He walks for 4 s; then what is heard of him stays where he was for half a second, with
@@ -855,9 +872,11 @@ static void values_out_of_range_are_refused(void **state)
     static const size_t above[] = {
         AT(acceleration_psd_m2_s3), AT(new_speed_m_s), AT(gate2),
         AT(detection_probability),  AT(new_existence), AT(coast_s),
-        AT(life.survival_s),        AT(rest_m),        AT(rest_s)};
+        AT(life.survival_s),        AT(rest_m),        AT(rest_s),
+        AT(life.hidden_s)};
     static const size_t least[] = {AT(lost_ego_psd_m2_s3), AT(wander_m),    AT(join_m),
-                                   AT(id_rest_s),          AT(place_looks), AT(reset_s)};
+                                   AT(id_rest_s),          AT(place_looks), AT(reset_s),
+                                   AT(life.hides_s)};
     static const size_t below_one[] = {AT(detection_probability), AT(new_existence),
                                        AT(life.confirm_existence),
                                        AT(life.delete_existence)};
@@ -1336,6 +1355,7 @@ int main(void)
         TEST(the_third_look_confirms),
         TEST(what_is_not_seen_coasts_and_grows_uncertain_and_ends),
         TEST(nothing_is_held_against_what_the_image_does_not_show),
+        TEST(who_is_not_heard_in_view_is_rather_hidden_than_gone),
         TEST(something_comes_back_under_its_id),
         TEST(standing_and_moving_are_told_apart),
         TEST(a_walker_is_as_far_off_as_his_covariance_says),

@@ -47,6 +47,54 @@ static void existence_follows_bayes(void **state)
     assert_near(l.existence, 12.0 / 19.0 * exp(-1.0), 1e-12);
 }
 
+enum { HEARD, HIDDEN, GONE, STATES };
+
+/* Rates of one into another, in small steps: three states of a Markov chain. */
+static void pass(double p[STATES], const struct track_life_config *c, double dt_s)
+{
+    enum { STEPS = 20000 };
+
+    for (int k = 0; k < STEPS; k++) {
+        double t = dt_s / STEPS, heard = p[HEARD], hidden = p[HIDDEN];
+        p[HEARD] += t *
+                    (hidden / c->hidden_s - heard / c->hides_s - heard / c->survival_s);
+        p[HIDDEN] += t *
+                     (heard / c->hides_s - hidden / c->hidden_s - hidden / c->survival_s);
+    }
+    p[GONE] = 1.0 - p[HEARD] - p[HIDDEN];
+}
+
+static void look(double p[STATES], double ratio)
+{
+    p[HEARD] *= ratio;
+    double all = p[HEARD] + p[HIDDEN] + p[GONE];
+    for (int i = 0; i < STATES; i++)
+        p[i] /= all;
+}
+
+/* What was heard for a second is not heard for two, and then again. */
+static void who_is_not_heard_is_hidden_or_gone(void **state)
+{
+    struct track_life_config cfg = three_of_five;
+    struct track_life l;
+    double p[STATES] = {0.9, 0.0, 0.1};
+
+    (void)state;
+    cfg.survival_s = 30.0;
+    cfg.hides_s = 3.0;
+    cfg.hidden_s = 1.5;
+    track_life_start(&l, &cfg, 0.9);
+    for (int k = 0; k < 20; k++) {
+        double ratio = k < 5 || k >= 15 ? 3.0 : 0.2;
+        pass(p, &cfg, 0.2);
+        look(p, ratio);
+        track_life_predict(&l, &cfg, 0.2);
+        track_life_update(&l, &cfg, ratio > 1.0, ratio, 1.0);
+        assert_near(l.existence, 1.0 - p[GONE], 1e-5);
+        assert_near(l.hidden, p[HIDDEN], 1e-5);
+    }
+}
+
 /* Four images with a quarter of news each say as much as one that is all new. */
 static void overlapping_images_say_it_once(void **state)
 {
@@ -137,6 +185,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(false_starts_are_confirmed_as_often_as_m_of_n_says),
         cmocka_unit_test(existence_follows_bayes),
+        cmocka_unit_test(who_is_not_heard_is_hidden_or_gone),
         cmocka_unit_test(overlapping_images_say_it_once),
         cmocka_unit_test(a_look_counts_when_half_of_it_saw),
         cmocka_unit_test(existence_can_be_asked_for_too),
