@@ -99,6 +99,8 @@ void track_models_update(struct track_models *m, const struct track_position *p,
 #define BACK_NS  400000000LL
 #define EVERY_NS 80000000LL
 #define LESS_M_S 0.3
+#define TURN_M_S 0.6 /* no part that is left of him seems to go so much otherwise, */
+#define WALK_M_S 2.0 /* and what is faster does not stop so soon */
 
 _Static_assert((TRACK_PAST - 1) * EVERY_NS >= BACK_NS, "");
 
@@ -132,7 +134,9 @@ void track_past_restore(struct track_past *p, int64_t seen_ns, int64_t now_ns,
     track_models_predict(&past, 1e-9 * (double)(now_ns - p->list[i].at_ns), true,
                          psd_m2_s3, &then);
     p->n = 0;
-    if (speed_m2_s2(&then) > speed_m2_s2(out) + 2.0 * LESS_M_S * LESS_M_S)
+    double turn_m_s = hypot(out->state[2] - then.state[2], out->state[3] - then.state[3]);
+    if (speed_m2_s2(&then) > speed_m2_s2(out) + 2.0 * LESS_M_S * LESS_M_S ||
+        (turn_m_s > TURN_M_S && hypot(then.state[2], then.state[3]) < WALK_M_S))
         return;
     *m = past;
     *out = then;

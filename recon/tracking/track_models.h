@@ -54,7 +54,8 @@ struct track_past {
 void track_past_keep(struct track_past *p, const struct track_models *m, int64_t at_ns);
 
 /* Makes of *m, which is for now_ns, what it would be without the looks since some time
- * before the last one, seen_ns, once; where that knows the speed as well. */
+ * before the last one, seen_ns, once; where that knows the speed as well, and they do not
+ * show that he stopped or turned. */
 void track_past_restore(struct track_past *p, int64_t seen_ns, int64_t now_ns,
                         const double psd_m2_s3[TRACK_MODELS], struct track_models *m,
                         struct track_filter *out);
