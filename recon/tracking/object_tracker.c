@@ -317,12 +317,17 @@ static void hear(const struct sight *sight, const struct track_array *array,
 }
 
 /* The power that a background may have left where it is: what single pings have shown to
- * come may be as faint as a hole, but not where somebody was as bright lately. */
-static double remains(const struct object *o)
+ * come may be as faint as a hole, but not where somebody was as bright lately.  Where it
+ * was brighter in the mean of all that time, nobody walks.  Beyond the gate it may be a
+ * sidelobe of who is beside the image, too, however bright. */
+static double remains(const struct object *o, bool beyond)
 {
     double lately_db = o->level_db + 10.0 * log10(fmax(o->lately, 1e-9)) + OVER_LATELY_DB;
 
-    return pow(10.0, 0.1 * (o->proven < PROVEN ? REMAINS_DB : lately_db));
+    if (beyond)
+        return INFINITY;
+    return pow(10.0,
+               0.1 * (o->proven < PROVEN && o->lately < 1.0 ? REMAINS_DB : lately_db));
 }
 
 /* The wall's error is the same for all images: no filter takes it for noise.  It comes
@@ -332,18 +337,20 @@ static void take_detection(const struct object_tracker *t, const struct sight *s
                            const double gliding_m_s[3], const struct object *o,
                            struct track_detection *out)
 {
+    const struct survey *survey = &t->detector.survey;
     const double *v = o->virtual_m;
-    double wall_m2[6];
+    double range_m = hypot(hypot(v[0], v[1]), v[2]), wall_m2[6];
 
     sight_wall_error(sight, o->place.wall, v, wall_m2);
-    *out = (struct track_detection){.existence = o->existence,
-                                    .proven = o->proven,
-                                    .moves = o->moves,
-                                    .has_course = o->has_course,
-                                    .mirror = o->place.wall,
-                                    .power = pow(10.0, 0.1 * o->level_db),
-                                    .remains = volume->standing_taken ? remains(o) : 0.0,
-                                    .height_assumed = sight->grid->n[1] == 1};
+    *out = (struct track_detection){
+        .existence = o->existence,
+        .proven = o->proven,
+        .moves = o->moves,
+        .has_course = o->has_course,
+        .mirror = o->place.wall,
+        .power = pow(10.0, 0.1 * o->level_db),
+        .remains = volume->standing_taken ? remains(o, range_m > survey->gate_m[1]) : 0.0,
+        .height_assumed = sight->grid->n[1] == 1};
     memcpy(out->position_m, o->place.position_m, sizeof out->position_m);
     memcpy(out->extent_m, o->place.extent_m, sizeof out->extent_m);
     memcpy(out->height_m2, o->place.height_m2, sizeof out->height_m2);
@@ -351,8 +358,7 @@ static void take_detection(const struct object_tracker *t, const struct sight *s
         out->covariance_m2[i] = o->place.covariance_m2[i] - wall_m2[i];
     for (int i = 0; i < 6; i += i ? 2 : 3)
         out->covariance_m2[i] = fmax(out->covariance_m2[i], 0.0);
-    out->lag_s =
-        timing_lag_s(&t->detector.survey, volume, hypot(hypot(v[0], v[1]), v[2]));
+    out->lag_s = timing_lag_s(survey, volume, range_m);
     hear(sight, array, v, out);
     const double way_m[3] = {o->middle_m[0] - v[0], o->middle_m[1] - v[1],
                              o->middle_m[2] - v[2]};

@@ -55,6 +55,7 @@ struct walker {
     float at_m[2], velocity_m_s[2]; /* x, z */
     bool ambiguous; /* he may rest by what the phases of single images say */
     bool beside;    /* beside a bright spot of what rests, whose sidelobe he may be */
+    bool taken;     /* what stands is taken from the images, and he is all that is left */
 };
 
 /* A spot of noise's level times power. */
@@ -104,6 +105,8 @@ static int images_until(const struct walker *w, double ego_m_s, double gate_m)
             add_spot(image, (double)w->at_m[0] + 1.0,
                      (double)w->at_m[1] - ego_m_s * now_s, 6000.0f);
         }
+        if (w->taken)
+            add_spot(image, (double)it.at_m[0], (double)it.at_m[2], 6000.0f);
         const struct volume v = {
             .survey_id = survey_id,
             .capture_ns = now_ns,
@@ -114,9 +117,10 @@ static int images_until(const struct walker *w, double ego_m_s, double gate_m)
             .sound_speed_m_s = 343.0,
             .pings_used = 8,
             .pings_expected = 8,
-            .standing_left = true,
+            .standing_left = !w->taken,
+            .standing_taken = w->taken,
             .movers = &it,
-            .n_movers = !w->ambiguous,
+            .n_movers = !w->ambiguous && !w->taken,
             .ambiguous = &it,
             .n_ambiguous = w->ambiguous};
         assert_int_equal(object_tracker_volume(t, &v, &list, &why), 0);
@@ -166,6 +170,19 @@ static void who_comes_is_told_from_a_step_beyond_the_gate_on(void **state)
     assert_int_equal(images_until(&w, 0.0, GATE_M - 0.1), INT_MAX);
 }
 
+/* It may be a sidelobe of who is beside the image. */
+static void what_a_background_leaves_beyond_the_gate_has_to_move(void **state)
+{
+    (void)state;
+    struct walker w = {.at_m = {0.3f, (float)GATE_M - 0.2f}, .taken = true};
+    assert_in_range(images_until(&w, 0.0, GATE_M), 1, 12);
+    w.at_m[1] = (float)GATE_M + 0.2f;
+    assert_int_equal(images_until(&w, 0.0, GATE_M), INT_MAX);
+    w.velocity_m_s[0] = 1.2f;
+    w.at_m[0] = -0.6f;
+    assert_in_range(images_until(&w, 0.0, GATE_M), 1, 18);
+}
+
 static void who_goes_a_way_of_his_own_is_no_sidelobe_of_what_rests(void **state)
 {
     (void)state;
@@ -182,6 +199,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(who_crosses_is_told_from_what_rests_overhead),
         cmocka_unit_test(who_comes_is_told_from_a_step_beyond_the_gate_on),
+        cmocka_unit_test(what_a_background_leaves_beyond_the_gate_has_to_move),
         cmocka_unit_test(who_goes_a_way_of_his_own_is_no_sidelobe_of_what_rests),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
