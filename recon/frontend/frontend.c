@@ -651,7 +651,7 @@ void frontend_ping(struct frontend *f, const struct ping *ping,
     }
     if (f->own)
         own_sound_subtract(f->own, ping->speaker, moves_at(f, ping->capture_ns),
-                           f->traces);
+                           f->masked, f->traces);
     bool blanked, subtracted = subtract_background(f, ping, &blanked);
     if (f->own && !subtracted)
         own_sound_mute(f->own, f->traces);

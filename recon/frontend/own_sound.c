@@ -19,10 +19,10 @@ enum {
 
 struct own_sound {
     size_t n_speakers, n_microphones, n_samples, behind;
-    bool known;     /* what was subtracted from the newest ping */
-    size_t *learnt; /* [n_speakers], rounds */
-    float *rounds;  /* [n_speakers][ROUNDS][n_microphones][n_samples][re, im] */
-    float *heard;   /* [n_microphones][n_samples][re, im], before it is subtracted from */
+    bool *known;    /* [n_microphones], what was subtracted from the newest ping */
+    size_t *learnt; /* [n_speakers][n_microphones], rounds */
+    float *rounds;  /* [n_speakers][n_microphones][ROUNDS][n_samples][re, im] */
+    float *heard;   /* [n_samples][re, im], before it is subtracted from */
     float *power;   /* [n_microphones] */
 };
 
@@ -38,12 +38,13 @@ int own_sound_create(struct own_sound **out, size_t n_speakers, size_t n_microph
                             .n_microphones = n_microphones,
                             .n_samples = n_samples,
                             .behind = behind};
-    o->learnt = calloc(n_speakers, sizeof *o->learnt);
+    o->known = calloc(n_microphones, sizeof *o->known);
+    o->learnt = calloc(n_speakers * n_microphones, sizeof *o->learnt);
     o->rounds =
         calloc(n_speakers * n_microphones, ROUNDS * 2 * n_samples * sizeof *o->rounds);
-    o->heard = calloc(n_microphones, 2 * n_samples * sizeof *o->heard);
+    o->heard = calloc(2 * n_samples, sizeof *o->heard);
     o->power = calloc(n_microphones, sizeof *o->power);
-    if (!o->learnt || !o->rounds || !o->heard || !o->power) {
+    if (!o->known || !o->learnt || !o->rounds || !o->heard || !o->power) {
         own_sound_destroy(o);
         return -ENOMEM;
     }
@@ -55,6 +56,7 @@ void own_sound_destroy(struct own_sound *o)
 {
     if (!o)
         return;
+    free(o->known);
     free(o->learnt);
     free(o->rounds);
     free(o->heard);
@@ -74,8 +76,7 @@ static inline void order(float *restrict a, float *restrict b)
 /* x[n] -= the median of nine, by comparing pairs of them in an order that leaves it in
  * the middle (Paeth 1990, "Median finding on a 3 x 3 grid"). */
 VECTOR_CLONES
-static void subtract_median(float *restrict x, const float *restrict rounds, size_t each,
-                            size_t n)
+static void subtract_median(float *restrict x, const float *restrict rounds, size_t n)
 {
     static const unsigned char pairs[][2] = {
         {1, 2}, {4, 5}, {7, 8}, {0, 1}, {3, 4}, {6, 7}, {1, 2}, {4, 5}, {7, 8}, {0, 3},
@@ -86,7 +87,7 @@ static void subtract_median(float *restrict x, const float *restrict rounds, siz
         size_t lanes = n - first < LANES ? n - first : LANES;
         memset(p, 0, sizeof p);
         for (int r = 0; r < ROUNDS; r++)
-            memcpy(p[r], rounds + (size_t)r * each + first, lanes * sizeof **p);
+            memcpy(p[r], rounds + (size_t)r * n + first, lanes * sizeof **p);
         for (size_t i = 0; i < sizeof pairs / sizeof *pairs; i++)
             order(p[pairs[i][0]], p[pairs[i][1]]);
         for (size_t i = 0; i < lanes; i++)
@@ -94,11 +95,11 @@ static void subtract_median(float *restrict x, const float *restrict rounds, siz
     }
 }
 
-/* The newest takes the place of the oldest; as long as there are fewer than ROUNDS they
- * stand for the others, too. */
-static void learn(struct own_sound *o, size_t speaker, float *rounds)
+/* The newest, its n-th, takes the place of the oldest; as long as there are fewer than
+ * ROUNDS they stand for the others, too. */
+static void learn(const struct own_sound *o, size_t n, float *rounds)
 {
-    size_t each = 2 * o->n_microphones * o->n_samples, n = o->learnt[speaker]++;
+    size_t each = 2 * o->n_samples;
 
     memcpy(rounds + n % ROUNDS * each, o->heard, each * sizeof *rounds);
     for (size_t r = n + 1; r < ROUNDS; r++)
@@ -106,17 +107,23 @@ static void learn(struct own_sound *o, size_t speaker, float *rounds)
 }
 
 void own_sound_subtract(struct own_sound *o, size_t speaker, bool moves,
-                        float complex *traces)
+                        const bool *masked, float complex *traces)
 {
-    size_t each = 2 * o->n_microphones * o->n_samples;
-    float *rounds = o->rounds + speaker * ROUNDS * each;
+    size_t each = 2 * o->n_samples;
 
-    memcpy(o->heard, traces, each * sizeof *o->heard);
-    o->known = o->learnt[speaker] >= FEWEST;
-    if (o->known)
-        subtract_median((float *)traces, rounds, each, each);
-    if (moves)
-        learn(o, speaker, rounds);
+    for (size_t m = 0; m < o->n_microphones; m++) {
+        size_t pair = speaker * o->n_microphones + m;
+        float *x = (float *)(traces + m * o->n_samples);
+        float *rounds = o->rounds + pair * ROUNDS * each;
+        o->known[m] = o->learnt[pair] >= FEWEST;
+        if (masked[m])
+            continue;
+        memcpy(o->heard, x, each * sizeof *o->heard);
+        if (o->known[m])
+            subtract_median(x, rounds, each);
+        if (moves)
+            learn(o, o->learnt[pair]++, rounds);
+    }
 }
 
 static float power(float complex x)
@@ -141,10 +148,11 @@ static float power_before(struct own_sound *o, const float complex *traces)
 void own_sound_mute(struct own_sound *o, float complex *traces)
 {
     size_t n = o->n_samples - o->behind;
-    float most = o->known ? LOUD * power_before(o, traces) : -1.0f;
+    float loud = LOUD * power_before(o, traces);
 
     for (size_t m = 0; m < o->n_microphones; m++) {
         float complex *x = traces + m * o->n_samples + o->behind;
+        float most = o->known[m] ? loud : -1.0f;
         size_t until = 0;
         for (size_t ahead = 0; ahead < n + SPREAD; ahead++) {
             if (ahead < n && power(x[ahead]) > most)

@@ -25,9 +25,10 @@ int own_sound_create(struct own_sound **out, size_t n_speakers, size_t n_microph
                      size_t n_samples, size_t behind);
 
 /* Subtracts what is known of a speaker's, from its fourth ping on the move, and learns
- * from its traces while the vehicle moves. */
+ * from its traces while the vehicle moves.  masked [n_microphones]: these traces are no
+ * sound, and stay as they are. */
 void own_sound_subtract(struct own_sound *o, size_t speaker, bool moves,
-                        float complex *traces);
+                        const bool *masked, float complex *traces);
 
 /* Of the traces that were newest subtracted from: mutes behind the slot what is too loud,
  * and all where nothing was known.  Where a background was subtracted, too, there is no

@@ -27,6 +27,7 @@ struct rig {
     struct own_sound *own;
     unsigned long long seed;
     float complex x[MICS][N];
+    bool masked[MICS];
 };
 
 static int setup(void **state)
@@ -67,7 +68,7 @@ static void hear(struct rig *r, size_t speaker)
 
 static void take(struct rig *r, size_t speaker, bool moves)
 {
-    own_sound_subtract(r->own, speaker, moves, &r->x[0][0]);
+    own_sound_subtract(r->own, speaker, moves, r->masked, &r->x[0][0]);
 }
 
 static void mute(struct rig *r)
@@ -317,6 +318,46 @@ static void what_passes_by_close_is_muted_and_not_learnt(void **state)
     assert_true(power(r, BEHIND, N) < 10.0 * noise);
 }
 
+static void learn_without(struct rig *r, int mic, int rounds)
+{
+    r->masked[mic] = true;
+    for (int i = 0; i < rounds; i++) {
+        hear(r, 0);
+        memset(r->x[mic], 0, sizeof r->x[mic]);
+        take(r, 0, true);
+        for (int k = 0; k < N; k++)
+            assert_true(r->x[mic][k] == 0.0f);
+    }
+    r->masked[mic] = false;
+}
+
+static void silence_of_a_masked_microphone_is_neither_its_sound_nor_learnt(void **state)
+{
+    struct rig *r = *state;
+
+    learn(r, 0, 9);
+    learn_without(r, 1, 9);
+    hear(r, 0);
+    take(r, 0, true);
+    assert_true(power(r, 0, N) < 2.0 * noise);
+}
+
+static void
+a_microphone_that_was_masked_is_known_after_three_rounds_of_its_own(void **state)
+{
+    struct rig *r = *state;
+
+    learn_without(r, 2, 5);
+    for (int i = 0; i < 4; i++) {
+        hear(r, 0);
+        take(r, 0, true);
+        mute(r);
+        assert_true(cabsf(r->x[1][BEHIND + SPREAD]) > 0.0f);
+        assert_int_equal(cabsf(r->x[2][BEHIND + SPREAD]) > 0.0f, i == 3);
+    }
+    assert_true(power(r, 0, N) < 4.0 * noise);
+}
+
 static void it_asks_for_traces_that_reach_it(void **state)
 {
     struct own_sound *e;
@@ -351,6 +392,12 @@ int main(void)
                                         setup, teardown),
         cmocka_unit_test_setup_teardown(what_passes_by_close_is_muted_and_not_learnt,
                                         setup, teardown),
+        cmocka_unit_test_setup_teardown(
+            silence_of_a_masked_microphone_is_neither_its_sound_nor_learnt, setup,
+            teardown),
+        cmocka_unit_test_setup_teardown(
+            a_microphone_that_was_masked_is_known_after_three_rounds_of_its_own, setup,
+            teardown),
         cmocka_unit_test(it_asks_for_traces_that_reach_it),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
