@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /* The steps of a drive are configured as the nodes are. */
+#include <errno.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -52,10 +53,31 @@ static void a_frame_is_of_the_speakers_that_the_launch_file_names(void **state)
     launchfile_destroy(launch);
 }
 
+static void pings_that_make_no_image_end_the_drive(void **state)
+{
+    (void)state;
+    struct drive_pipe pipe;
+    struct drive_image image;
+    struct launchfile *launch;
+    struct error why = {""};
+
+    assert_int_equal(
+        launchfile_parse(&launch, "settings", settings, sizeof settings - 1, &why), 0);
+    launch->dsp.background = BACKGROUND_RECORDED; /* of a pass that there is not */
+    if (drive_pipe_create(&pipe, launch, SCENE, 0, 1, &why))
+        fail_msg("%s", why.text);
+    assert_int_equal(drive_pipe_next(&pipe, &image, &why), -ENODATA);
+    assert_null(image.tracks);
+    assert_non_null(strstr(why.text, "has no background"));
+    drive_pipe_clear(&pipe);
+    launchfile_destroy(launch);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_frame_is_of_the_speakers_that_the_launch_file_names),
+        cmocka_unit_test(pings_that_make_no_image_end_the_drive),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -3,6 +3,7 @@
 
 #include <errno.h>
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
 #include "msgs/convert.h"
@@ -24,6 +25,8 @@ static int create_stages(struct drive_pipe *p, size_t threads, struct error *why
         err = object_tracker_create(&p->detector, &cfg.tracker);
     return err ? error_say(why, err, "processing: %s", strerror(-err)) : 0;
 }
+
+enum { MOST_PINGS = 4 * FRAMES_MAX_PINGS }; /* for an image */
 
 /* One whose image a node could not publish is refused. */
 static int plan(struct drive_pipe *p, struct error *why)
@@ -115,6 +118,14 @@ static int make_lists(struct drive_pipe *p, const struct pipeline_output *of,
     return err;
 }
 
+static void note(struct drive_pipe *p, const struct pipeline_output *made)
+{
+    const char *text = made->note[0] ? made->note : made->front ? made->front->note : "";
+
+    if (text[0])
+        snprintf(p->note, sizeof p->note, "%.*s", (int)sizeof p->note - 1, text);
+}
+
 /* *due: there is an image, whose lists are in out. */
 static int take_ping(struct drive_pipe *p, enum pass pass, bool *due,
                      struct drive_image *out, struct error *why)
@@ -136,6 +147,8 @@ static int take_ping(struct drive_pipe *p, enum pass pass, bool *due,
         return err;
     ping_from_message(&ping, &message, stamp_ns);
     err = pipeline_ping(p->pipeline, &ping, end_ns, &made, why);
+    if (!err)
+        note(p, &made);
     *due = made.image != NULL;
     if (!err && made.image)
         err = make_lists(p, &made, out, why);
@@ -190,8 +203,10 @@ int drive_pipe_next(struct drive_pipe *p, struct drive_image *out, struct error 
     int err = 0;
 
     *out = (struct drive_image){.tracks = NULL};
-    while (!err && !due)
-        err = take_ping(p, PASS_SCENE, &due, out, why);
+    for (size_t i = 0; !err && !due; i++)
+        err = i < MOST_PINGS ? take_ping(p, PASS_SCENE, &due, out, why)
+                             : error_say(why, -ENODATA, "%d pings make no image%s%s",
+                                         MOST_PINGS, p->note[0] ? ": " : "", p->note);
     if (!err)
         return 0;
     detections_free(out->tracks);

@@ -21,6 +21,7 @@ struct drive_pipe {
     uint64_t wall_lists;      /* that the detector has taken */
     int64_t ego_ns, given_ns; /* of the next message */
     double ping_s;            /* how long one is */
+    char note[128];           /* the newest of the pipeline about its pings and images */
 };
 
 /* draw: of what is random in the scene (room_load_drawn).  The launch file outlives it.
@@ -30,7 +31,7 @@ int drive_pipe_create(struct drive_pipe *p, const struct launchfile *l, const ch
 
 /* Goes on to the next image: its lists, which detections_free frees, tracked and not
  * (NULL where nothing is hidden); the stamp of its newest ping, and when that had ended.
- * 0 or a negative errno. */
+ * 0 or a negative errno: -ENODATA when of many pings in a row none makes an image. */
 struct drive_image {
     Anlos__DetectionList *tracks, *detections;
     double t_s, out_s;
