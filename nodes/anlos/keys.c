@@ -85,8 +85,8 @@ static int show(const char *folder)
     if (err)
         return fail(err, &why);
     printf("%s %s\n", keys.host, keys.public);
-    fprintf(stderr, "%s/peers permits %zu keys%s\n", folder, keys.peers.n,
-            keys.peers.n ? ":" : "");
+    fprintf(stderr, "%s/peers permits %zu key%s%s\n", folder, keys.peers.n,
+            keys.peers.n == 1 ? "" : "s", keys.peers.n ? ":" : "");
     for (size_t i = 0; i < keys.peers.n; i++)
         fprintf(stderr, "  %s%s\n", keys.peers.list[i].host,
                 strcmp(keys.peers.list[i].key, keys.public) ? "" : ", this host");

@@ -22,7 +22,7 @@ static int record_onto_a_small_disk(struct scratch *s)
     if (!said(s, "recording stops: ", false) || !said(s, "No space left", false))
         return 2;
     /* Nobody asked for the last seconds. */
-    if (said(s, "kept on", false) || said(s, "bags saved", false) ||
+    if (said(s, "kept on", false) || said(s, " saved, ", false) ||
         !said(s, "MB in 1 file", false))
         return 7;
     /* On a busy machine the scan may be done before the launcher sees it. */

@@ -362,10 +362,10 @@ static bool show_snapshots(struct job *j, double elapsed_s)
 
     clear_line(&j->show);
     snapshot_status(j->snapshot, clock_now_ns(j->clock), &s);
-    printf("%s: %" PRIu64 " bags saved, %" PRIu64 " not whole, %" PRIu64
+    printf("%s: %" PRIu64 " bag%s saved, %" PRIu64 " not whole, %" PRIu64
            " messages in %.1f s, %" PRIu64 " lost\n",
-           j->options->snapshot, s.saved, s.failed, j->tap.messages, elapsed_s,
-           j->tap.lost);
+           j->options->snapshot, s.saved, s.saved == 1 ? "" : "s", s.failed,
+           j->tap.messages, elapsed_s, j->tap.lost);
     return !fflush(stdout);
 }
 

@@ -362,7 +362,8 @@ int bag_merge(int argc, char **argv)
     int err = selection_write(&s, &result, &why);
     if (err)
         return verb_end("merge", err, &why);
-    printf("%s: %" PRIu64 " messages of %zu bags\n", s.out, result.n_written, s.n_files);
+    printf("%s: %" PRIu64 " message%s of %zu bag%s\n", s.out, result.n_written,
+           result.n_written == 1 ? "" : "s", s.n_files, s.n_files == 1 ? "" : "s");
     return usage_flush("bag merge");
 }
 

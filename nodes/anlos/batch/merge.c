@@ -594,15 +594,17 @@ struct pairs { /* of one tag; the last are those of no other */
     size_t n;
 };
 
-/* Bags that are done in both of the first two versions, by their first tag. */
-static void gather(const struct merge *m, const char *key, struct pairs *all, size_t n,
-                   double *most)
+/* Bags that are done in both of the first two versions, by their first tag; how many. */
+static size_t gather(const struct merge *m, const char *key, struct pairs *all, size_t n,
+                     double *most)
 {
+    size_t n_pairs = 0;
     double x, y;
 
     for (size_t i = 0; i < m->n_rows; i++) {
         if (!is_pair(m, i, key, &x, &y))
             continue;
+        n_pairs++;
         const char *tag = json_string_value(
             json_array_get(json_object_get(m->rows[i - 1].line, "tags"), 0));
         size_t k = 0;
@@ -612,6 +614,7 @@ static void gather(const struct merge *m, const char *key, struct pairs *all, si
         all[k].y[all[k].n++] = y;
         *most = fmax(*most, fmax(x, y));
     }
+    return n_pairs;
 }
 
 static int plot(const struct merge *m, const struct column *c, struct pairs *all,
@@ -625,7 +628,10 @@ static int plot(const struct merge *m, const struct column *c, struct pairs *all
 
     for (size_t k = 0; k < n; k++)
         all[k].n = 0;
-    gather(m, c->key, all, n, &most);
+    if (!gather(m, c->key, all, n, &most)) {
+        fprintf(stderr, "%s: no bag has it in both versions, it is not drawn\n", c->plot);
+        return 0;
+    }
     double line[2] = {0.0, most > 0.0 ? 1.05 * most : 1.0};
     series[0] = (struct chart_series){"the same", line, line, 2, CHART_DASHED, 0};
     for (size_t k = 0; k < n; k++)
