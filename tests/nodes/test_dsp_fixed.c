@@ -422,6 +422,27 @@ static void a_microphone_that_was_masked_while_others_learned_comes_later(void *
     assert_true(energy_of(r, 2) < 1e-6 * plain);
 }
 
+static void a_microphone_that_is_masked_on_the_move_has_no_own_sound(void **state)
+{
+    struct rig *r = *state;
+    double plain = 0;
+
+    for (unsigned i = 0; i < 6; i++) {
+        move(r, 1.0, true);
+        scene_ping(&r->scene, BACKGROUND, 0, 1, &r->ping);
+        r->scene.not_finite[2] = i == 4;
+        r->ping.pass = SCENE;
+        r->ping.frame = ++r->frame;
+        r->now_ns += FRAME_MS * MS;
+        dsp_ping(r->dsp, &r->ping, r->now_ns, &r->out);
+        assert_int_equal(r->out.traces.masked[2], i == 4);
+        plain = i == 0 ? energy_of(r, 2) : plain;
+        if (i == 4)
+            assert_true(energy_of(r, 2) == 0.0);
+    }
+    assert_true(energy_of(r, 2) < 1e-6 * plain);
+}
+
 /* A slam: noise that is as loud as the direct sound, at all microphones. */
 static void slam(struct rig *r, Anlos__Pass heard)
 {
@@ -558,6 +579,7 @@ int main(void)
         TEST(a_vehicle_that_fell_silent_counts_as_moving, setup_adaptive),
         TEST(a_microphone_that_was_masked_while_others_learned_comes_later,
              setup_adaptive),
+        TEST(a_microphone_that_is_masked_on_the_move_has_no_own_sound, setup_adaptive),
         TEST(what_a_slam_drowned_shows_nothing_and_spoils_no_background, setup_adaptive),
         TEST(while_the_vehicle_moves_a_slam_is_blanked_too, setup_adaptive),
     };
