@@ -77,7 +77,7 @@ struct track_config {
 /* 0.5 m2/s3; 9 (a vehicle brakes with 3 m/s2 for half a second); 2.5 m/s; 5 cm;
  * 13.8 (99.9 % in the plane); 0.5 m; 0.8; 0.3; 2 of 3 looks and 0.95 (3 of 5 of images
  * with what stands, and for a while after: one hit of two looks more, where more than one
- * is asked for), ends below 0.02, stays 10 s, hides after 2 s for 2 s; coasts 1.5 s, 0.75
+ * is asked for), ends below 0.02, stays 30 s, hides after 2 s for 2 s; coasts 1.5 s, 0.75
  * looks without a place; 5 cm; 1.5 s; 30 s; 1 s. */
 void track_config_default(struct track_config *cfg);
 

@@ -10,6 +10,8 @@
 #include "nodes/recon/volume_room.h"
 #include "nodes/rt/launchfile_pipeline.h"
 
+enum { MOST_PINGS = 4 * FRAMES_MAX_PINGS }; /* for an image */
+
 static int create_stages(struct drive_pipe *p, size_t threads, struct error *why)
 {
     const struct room_object *hidden;
@@ -25,8 +27,6 @@ static int create_stages(struct drive_pipe *p, size_t threads, struct error *why
         err = object_tracker_create(&p->detector, &cfg.tracker);
     return err ? error_say(why, err, "processing: %s", strerror(-err)) : 0;
 }
-
-enum { MOST_PINGS = 4 * FRAMES_MAX_PINGS }; /* for an image */
 
 /* One whose image a node could not publish is refused. */
 static int plan(struct drive_pipe *p, struct error *why)
