@@ -401,23 +401,26 @@ static double energy_of(const struct rig *r, size_t microphone)
     return sum;
 }
 
+/* A ping of the background; masked: some of what microphone 2 hears is no number. */
+static void hear_of_2(struct rig *r, bool masked)
+{
+    scene_ping(&r->scene, BACKGROUND, 0, 1, &r->ping);
+    r->scene.not_finite[2] = masked;
+    r->ping.pass = SCENE;
+    r->ping.frame = ++r->frame;
+    r->now_ns += FRAME_MS * MS;
+    dsp_ping(r->dsp, &r->ping, r->now_ns, &r->out);
+    assert_int_equal(r->out.traces.masked[2], masked);
+}
+
 static void a_microphone_that_was_masked_while_others_learned_comes_later(void **state)
 {
     struct rig *r = *state;
-    double plain = 0;
 
-    for (unsigned i = 0; i < 2; i++) {
-        scene_ping(&r->scene, BACKGROUND, 0, 1, &r->ping);
-        r->scene.not_finite[2] = i == 0;
-        r->ping.pass = SCENE;
-        r->ping.frame = ++r->frame;
-        r->now_ns += FRAME_MS * MS;
-        dsp_ping(r->dsp, &r->ping, r->now_ns, &r->out);
-        assert_int_equal(r->out.traces.masked[2], i == 0);
-        plain = i == 1 ? energy_of(r, 2) : plain;
-    }
+    hear_of_2(r, true);
+    hear_of_2(r, false);
+    double plain = energy_of(r, 2);
     assert_true(energy_of(r, 1) < 1e-6 * plain);
-    assert_true(fabs(energy_of(r, 2) / plain - 1) < 1e-3);
     send(r, BACKGROUND, SCENE, 1);
     assert_true(energy_of(r, 2) < 1e-6 * plain);
 }
@@ -429,13 +432,7 @@ static void a_microphone_that_is_masked_on_the_move_has_no_own_sound(void **stat
 
     for (unsigned i = 0; i < 6; i++) {
         move(r, 1.0, true);
-        scene_ping(&r->scene, BACKGROUND, 0, 1, &r->ping);
-        r->scene.not_finite[2] = i == 4;
-        r->ping.pass = SCENE;
-        r->ping.frame = ++r->frame;
-        r->now_ns += FRAME_MS * MS;
-        dsp_ping(r->dsp, &r->ping, r->now_ns, &r->out);
-        assert_int_equal(r->out.traces.masked[2], i == 4);
+        hear_of_2(r, i == 4);
         plain = i == 0 ? energy_of(r, 2) : plain;
         if (i == 4)
             assert_true(energy_of(r, 2) == 0.0);
