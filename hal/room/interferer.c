@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "hal/room/microphones.h"
+#include "hal/room/elements.h"
 #include "hal/room/propagate.h"
 #include "hal/room/vector.h"
 #include "hal/survey/firing.h"

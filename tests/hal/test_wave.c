@@ -5,7 +5,7 @@
 #include <errno.h>
 #include <math.h>
 
-#include "hal/room/wave.h"
+#include "hal/room/emitter.h"
 
 enum { N_CHIRP = 960, N = 1400 };
 #define RATE_HZ 48000.0

@@ -17,7 +17,7 @@
 
 #include "hal/array.h"
 #include "hal/recording/recording.h"
-#include "hal/room/pose.h"
+#include "hal/room/elements.h"
 #include "hal/survey/calibration.h"
 #include "hal/survey/element_places.h"
 #include "hal/survey/file.h"

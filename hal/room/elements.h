@@ -1,9 +1,11 @@
 /* SPDX-License-Identifier: MIT */
-/* hal/room/pose.h -- where the elements of a simulated array really are, and their
- * mirror images. */
-#ifndef ANLOS_HAL_ROOM_POSE_H
-#define ANLOS_HAL_ROOM_POSE_H
+/* hal/room/elements.h -- the elements of a simulated array as they really are, which its
+ * survey does not know (a scene's `errors`): where they stand, with their mirror images,
+ * and how loud the microphones are. */
+#ifndef ANLOS_HAL_ROOM_ELEMENTS_H
+#define ANLOS_HAL_ROOM_ELEMENTS_H
 
+#include <stddef.h>
 #include <stdint.h>
 
 #include "recon/survey.h"
@@ -27,5 +29,16 @@ void pose_move(struct pose *p, size_t position);
 /* Anywhere along the stage: between two positions its error is between theirs. */
 void pose_go(struct pose *p, double stage_m);
 void pose_clear(struct pose *p);
+
+/* The microphones' curves, which the processor knows, and what they really do. */
+
+/* Gives each of s's microphones a smooth curve of rms ripple_db, serials "sim00"...
+ * 0, -ENOMEM. */
+int microphones_invent(struct survey *s, double ripple_db, uint32_t seed);
+
+/* out[n_microphones][n_bins], bin k at k * bin_hz: level times the curve (flat without
+ * one) times a gain error of rms gain_db that the survey does not know. */
+void microphones_respond(const struct survey *s, double level, double gain_db,
+                         uint32_t seed, size_t n_bins, double bin_hz, float *out);
 
 #endif
