@@ -15,7 +15,7 @@
 
 #include "hal/device.h"
 #include "hal/stage/gpio.h"
-#include "hal/stage/stepper_axis.h"
+#include "hal/stage/stepper.h"
 
 struct stage_gpiod_options {
     struct gpio_line lines[STEPPER_N_LINES];

@@ -11,7 +11,7 @@
 
 #include <cmocka.h>
 
-#include "hal/stage/stepper_axis.h"
+#include "hal/stage/stepper.h"
 #include "rail.h"
 
 struct bench {
