@@ -2,6 +2,7 @@
 #include "msgs/bus.h"
 
 #include <errno.h>
+#include <nanomsg/nn.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
@@ -12,6 +13,7 @@
 #include "msgs/reliable.h"
 #include "msgs/remote.h"
 #include "msgs/subscriber.h"
+#include "msgs/unpack.h"
 #include "msgs/wire_guard.h"
 
 struct bus {
@@ -152,6 +154,18 @@ void bus_set_replayed(struct bus *b, bool replayed)
 int bus_receive(struct bus *b, struct bus_message *out, int timeout_ms)
 {
     return receive_queue_take(b->receive_queue, out, timeout_ms);
+}
+
+void bus_message_free(struct bus_message *m)
+{
+    if (m->owner)
+        nn_freemsg(m->owner);
+    memset(m, 0, sizeof *m);
+}
+
+ProtobufCMessage *bus_message_unpack(const struct bus_message *m)
+{
+    return message_unpack(m->topic->schema, m->envelope.payload_size, m->payload);
 }
 
 int bus_fd(const struct bus *b)

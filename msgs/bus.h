@@ -19,8 +19,11 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include <protobuf-c/protobuf-c.h>
+
 #include "dsp/error.h"
-#include "msgs/bus_message.h"
+#include "msgs/envelope.h"
+#include "msgs/topics.h"
 
 struct bus;
 
@@ -83,6 +86,21 @@ int bus_publish_message(struct bus *b, const struct topic *t, int64_t capture_ns
 /* Whether what is published from now on is marked as replayed (msgs/envelope.h).
  * Thread-safe. */
 void bus_set_replayed(struct bus *b, bool replayed);
+
+/* A message as it came in over the bus.  It owns its payload; bus_message_free it. */
+struct bus_message {
+    const struct topic *topic;
+    struct envelope envelope;
+    const uint8_t *payload; /* [envelope.payload_size] */
+    void *owner;            /* the bus's own */
+};
+
+/* Frees what m owns and zeroes it; a zeroed one may be freed too. */
+void bus_message_free(struct bus_message *m);
+
+/* Unpacks the payload by the topic's schema.  NULL and errno: as message_unpack
+ * (msgs/unpack.h).  Free the result with protobuf_c_message_free_unpacked(m, NULL). */
+ProtobufCMessage *bus_message_unpack(const struct bus_message *m);
 
 /* The next message of any subscribed topic, in the order of arrival.  timeout_ms < 0:
  * waits for ever.  0, -ETIMEDOUT, -ESHUTDOWN (bus_interrupt was called). */

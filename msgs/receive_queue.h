@@ -8,7 +8,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "msgs/bus_message.h"
+#include "msgs/bus.h"
 
 struct receive_queue;
 

@@ -28,7 +28,8 @@
 
 #include "msgs/bag/record.h"
 #include "msgs/bag/writer.h"
-#include "msgs/bus_message.h"
+#include "msgs/envelope.h"
+#include "msgs/topics.h"
 
 struct bag_topics; /* the channels of a bag that is being written */
 

@@ -6,7 +6,8 @@
 
 #include "dsp/error.h"
 #include "msgs/bag/record.h"
-#include "msgs/bus_message.h"
+#include "msgs/envelope.h"
+#include "msgs/topics.h"
 
 struct bag_iterator_config {
     const char *bag;

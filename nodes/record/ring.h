@@ -16,7 +16,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "msgs/bus_message.h"
+#include "msgs/bus.h"
 
 struct ring_entry {
     struct bus_message message; /* payload NULL: so many of its topic got lost here */

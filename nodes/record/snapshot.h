@@ -20,7 +20,7 @@
 
 #include "dsp/error.h"
 #include "msgs/bag/compression.h"
-#include "msgs/bus_message.h"
+#include "msgs/bus.h"
 #include "msgs/save.pb-c.h"
 #include "nodes/record/session.h"
 #include "nodes/rt/log.h"

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "msgs/bus_message.h"
+#include "msgs/bus.h"
 #include "msgs/convert.h"
 #include "msgs/shuffle.h"
 #include "nodes/anlos/topic/message_json.h"

@@ -9,7 +9,6 @@
 #include <stdio.h>
 
 #include "msgs/bus.h"
-#include "msgs/bus_message.h"
 #include "msgs/survey.pb-c.h"
 #include "msgs/topics.h"
 
