@@ -3,13 +3,17 @@
 
 #include <string.h>
 
-struct bag_schema bag_schema_of(const struct topic *t)
+struct bag_schema bag_schema_find(const struct bag_schema_entry *table, const char *name)
 {
-    struct bag_schema out = {.name = bytes_of(t->schema->name),
-                             .encoding = bytes_of(BAG_PROTOBUF)};
+    struct bag_schema out = {.name = bytes_of(name), .encoding = bytes_of(BAG_PROTOBUF)};
 
-    for (const struct bag_schema_entry *e = bag_schema_table; e->name; e++)
-        if (!strcmp(e->name, t->schema->name))
+    for (const struct bag_schema_entry *e = table; e->name; e++)
+        if (!strcmp(e->name, name))
             out.data = (struct bytes){e->data, e->size};
     return out;
+}
+
+struct bag_schema bag_schema_of(const struct topic *t)
+{
+    return bag_schema_find(bag_schema_table, t->schema->name);
 }

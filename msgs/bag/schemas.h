@@ -14,10 +14,6 @@
 
 #define BAG_PROTOBUF "protobuf" /* the encoding of schemas and messages */
 
-/* Without an id.  Points to what lives as long as the program; every topic of
- * msgs/topics.h has one. */
-struct bag_schema bag_schema_of(const struct topic *t);
-
 /* What schemas.cmake writes: every message of every schema file, and the descriptor set
  * of its file. */
 struct bag_schema_entry {
@@ -30,6 +26,14 @@ struct bag_schema_entry {
 extern const struct bag_schema_entry bag_schema_table[];
 extern const struct bag_schema_entry osi_schema_table[];      /* "osi3.SensorData" */
 extern const struct bag_schema_entry foxglove_schema_table[]; /* "foxglove.PointCloud" */
+
+/* Without an id, and without data where the table has none of that name.  Points to the
+ * table, and to name. */
+struct bag_schema bag_schema_find(const struct bag_schema_entry *table, const char *name);
+
+/* That of a topic of msgs/topics.h, each of which has one; what it points to lives as
+ * long as the program. */
+struct bag_schema bag_schema_of(const struct topic *t);
 
 #define OSI_MAJOR   3 /* whose names and numbers the schemas have */
 #define OSI_MINOR   7

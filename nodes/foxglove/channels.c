@@ -796,16 +796,6 @@ size_t channels_count(void)
     return TOPICS_COUNT + N_VIEWS;
 }
 
-static struct bag_schema schema_of(const char *name)
-{
-    struct bag_schema out = {.name = bytes_of(name), .encoding = bytes_of(BAG_PROTOBUF)};
-
-    for (const struct bag_schema_entry *e = foxglove_schema_table; e->name; e++)
-        if (!strcmp(e->name, name))
-            out.data = (struct bytes){e->data, e->size};
-    return out;
-}
-
 void channel_get(size_t index, struct channel *out)
 {
     size_t n = TOPICS_COUNT;
@@ -816,8 +806,9 @@ void channel_get(size_t index, struct channel *out)
         return;
     }
     const struct view *v = &views[index - n];
-    *out = (struct channel){
-        .name = v->name, .schema = schema_of(v->schema), .convert = v->convert};
+    *out = (struct channel){.name = v->name,
+                            .schema = bag_schema_find(foxglove_schema_table, v->schema),
+                            .convert = v->convert};
     for (size_t i = 0; i < CHANNEL_MAX_SOURCES && v->sources[i]; i++)
         out->sources[i] = topics_find(v->sources[i]);
 }

@@ -438,12 +438,7 @@ static int put_metadata(struct bag_writer *w, struct error *why)
 
 static int define(struct bag_writer *w, struct trace_channel *c, struct error *why)
 {
-    const struct bag_schema_entry *e = osi_schema_table;
-    while (strcmp(e->name, c->schema) != 0)
-        e++;
-    const struct bag_schema schema = {.name = bytes_of(c->schema),
-                                      .encoding = bytes_of(BAG_PROTOBUF),
-                                      .data = {e->data, e->size}};
+    const struct bag_schema schema = bag_schema_find(osi_schema_table, c->schema);
     struct bytes_buffer map = {.data = NULL};
     bag_map_put(&map, bytes_of("net.asam.osi.trace.channel.osi_version"),
                 bytes_of(OSI_VERSION));
