@@ -17,9 +17,24 @@
 #include "dsp/error.h"
 #include "msgs/bag/compression.h"
 #include "msgs/bus.h"
-#include "nodes/record/balance.h"
+#include "msgs/topics.h"
 #include "nodes/record/session.h"
 #include "nodes/rt/log.h"
+
+/* What a recording has of each topic, and what it has not, as its files say it
+ * (msgs/bag/manifest.h). */
+
+struct balance {
+    struct balance_topic {
+        const struct topic *topic;
+        uint64_t messages, bytes; /* taken */
+        uint64_t lost;
+        uint64_t told;    /* of those lost: stand in a file */
+        uint64_t earlier; /* of those: in files before this one */
+    } * list;             /* [n] */
+    size_t n;
+    int64_t from_ns; /* what is lost and not told was lost since */
+};
 
 struct recorder_config {
     const char *path;                  /* "FILE.mcap" */
@@ -58,7 +73,6 @@ int recorder_put(struct recorder *r, const struct bus_message *m, int64_t now_ns
                  struct error *why);
 
 /* A metadata record, into the file under way.  As recorder_put. */
-struct pairs;
 int recorder_pairs(struct recorder *r, const char *name, const struct pairs *p,
                    struct error *why);
 

@@ -6,8 +6,55 @@
 
 #include <stdint.h>
 
-#include "nodes/record/attachments.h"
+#include "dsp/error.h"
+#include "msgs/bag/writer.h"
 #include "nodes/rt/launchfile.h"
+
+/* A metadata record of a bag, text by text. */
+
+struct pairs { /* starts as {0}; memory that runs out is told by pairs_write */
+    struct bytes_buffer map;
+};
+
+void pairs_text(struct pairs *p, const char *key, const char *value);
+void pairs_count(struct pairs *p, const char *key, uint64_t value);
+void pairs_stamp(struct pairs *p, const char *key, int64_t ns);
+
+/* With as many digits as it takes to read the same number back; NaN: nothing. */
+void pairs_number(struct pairs *p, const char *key, double value);
+
+/* Writes the record.  0, -ENOMEM, as bag_writer_metadata. */
+int pairs_write(const struct pairs *p, const char *name, struct bag_writer *w,
+                struct error *why);
+void pairs_clear(struct pairs *p);
+
+/* Files that a recording carries as attachments, held in memory so that each part of it
+ * gets them. */
+
+#define ATTACHMENTS_MAX_FILE ((size_t)64 << 20)
+
+struct attachments { /* starts as {0} */
+    struct attachments_item {
+        char *name;
+        uint8_t *data; /* [size] */
+        size_t size;
+    } * items; /* [n] */
+    size_t n;
+};
+
+/* Reads a file, which the attachment `name` will be.  0, -ENOENT and other errno,
+ * -EFBIG, -EISDIR, -ENOMEM. */
+int attachments_add_file(struct attachments *c, const char *name, const char *path,
+                         struct error *why);
+
+/* The folder's files whose names do not start with a dot, as PREFIX + name. */
+int attachments_add_folder(struct attachments *c, const char *prefix, const char *folder,
+                           struct error *why);
+
+/* Errors of bag_writer_attachment. */
+int attachments_write(const struct attachments *c, struct bag_writer *w, int64_t now_ns,
+                      struct error *why);
+void attachments_clear(struct attachments *c);
 
 struct session {                  /* starts as {0} */
     const char *topics, *exclude; /* patterns; exclude may be NULL */

@@ -8,7 +8,7 @@
 
 #include <cmocka.h>
 
-#include "nodes/record/new_faults.h"
+#include "nodes/record/snapshot.h"
 
 #define S     1000000000LL
 #define AGAIN (3600 * S)
