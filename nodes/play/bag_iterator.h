@@ -5,6 +5,7 @@
 #define ANLOS_NODES_PLAY_BAG_ITERATOR_H
 
 #include "dsp/error.h"
+#include "msgs/bag/bytes.h"
 #include "msgs/bag/record.h"
 #include "msgs/envelope.h"
 #include "msgs/topics.h"
@@ -57,5 +58,21 @@ int bag_iterator_next(struct bag_iterator *t, struct bag_iterator_message *out,
 int bag_iterator_find_survey(struct bag_iterator *t, int64_t publish_ns,
                              struct bag_iterator_message *out, struct error *why);
 void bag_iterator_close(struct bag_iterator *t);
+
+/* What is said otherwise than it was recorded: that it is a replay, where a bag is played
+ * more than once the number of the scan, and which survey it is of, where another program
+ * recorded it without saying so.  Sound and images that were shuffled for the bag
+ * (msgs/shuffle.h) are float32 again, as everybody on the bus expects them. */
+
+/* Adds scan_base to the scan of a message that has one, makes a source REPLAY, and
+ * gives a survey without id its own, and what is of a survey without saying of which,
+ * survey_id.
+ * *payload stays where nothing is to be said otherwise, else it points into `into`.  0,
+ * -EPROTO (not a message of the topic's schema), -ENOMEM. */
+int rewrite(const struct topic *t, uint32_t scan_base, uint64_t survey_id,
+            struct bytes *payload, struct bytes_buffer *into);
+
+/* -1 where the message has no such field, of 32 bits or an enumeration. */
+int64_t rewrite_peek(const ProtobufCMessage *m, const char *field);
 
 #endif

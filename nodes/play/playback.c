@@ -12,7 +12,7 @@
 #include "msgs/playback_publisher.h"
 #include "msgs/survey.pb-c.h"
 #include "msgs/unpack.h"
-#include "nodes/play/rewrite.h"
+#include "nodes/play/bag_iterator.h"
 #include "nodes/play/subscribers.h"
 #include "nodes/rt/patterns.h"
 #include "nodes/rt/rundir.h"

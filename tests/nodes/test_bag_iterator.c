@@ -8,7 +8,6 @@
 #include "msgs/shuffle.h"
 #include "msgs/tensor.h"
 #include "nodes/play/bag_iterator.h"
-#include "nodes/play/rewrite.h"
 
 static struct bag_iterator *open_bag_iterator(struct scratch *s, const char *remap)
 {
