@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-# Writes OUT, a C file with the table of nodes/view/page.h, from the page's files (FILES,
+# Writes OUT, a C file with the table of nodes/view/server.h, from the page's files (FILES,
 # names in the folder SOURCE, commas between):
 #   cmake -DSOURCE=.. -DFILES=index.html,.. -DOUT=.. -P page.cmake
 string(REPLACE "," ";" files "${FILES}")
@@ -24,5 +24,5 @@ foreach(file ${files})
     math(EXPR number "${number} + 1")
 endforeach()
 file(WRITE "${OUT}" "/* Written by nodes/view/page.cmake. */\n"
-    "#include \"nodes/view/page.h\"\n\n${arrays}\n"
+    "#include \"nodes/view/server.h\"\n\n${arrays}\n"
     "const struct page_file page_files[] = {\n${rows}    {0},\n};\n")

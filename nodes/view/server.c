@@ -12,7 +12,6 @@
 #include <strings.h>
 
 #include "nodes/foxglove/server.h"
-#include "nodes/view/page.h"
 #include "nodes/web/web.h"
 
 #define SCHEME "http://"

@@ -7,6 +7,7 @@
 
 #include <stdbool.h>
 #include <stddef.h>
+#include <stdint.h>
 
 #include "dsp/error.h"
 #include "nodes/view/view.h"
@@ -75,5 +76,17 @@ struct request {
 
 /* data[size] need not end with a zero.  0, -EINVAL, -EMSGSIZE, -ENOMEM. */
 int request_parse(struct request *out, const void *data, size_t size);
+
+/* The files of the web page, built into the program (page.cmake). */
+
+struct page_file {
+    const char *path; /* "/style.css"; index.html is "/" too */
+    const char *type; /* as of HTTP's Content-Type */
+    const uint8_t *data;
+    size_t size;
+};
+
+/* Ends with path == NULL. */
+extern const struct page_file page_files[];
 
 #endif
