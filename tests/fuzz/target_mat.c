@@ -6,7 +6,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "nodes/anlos/confocal/file.h"
+#include "nodes/anlos/confocal/scan.h"
 #include "nodes/anlos/mat_file.h"
 #include "tests/fuzz/fuzz.h"
 

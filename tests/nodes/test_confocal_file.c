@@ -19,7 +19,7 @@
 
 #include "nodes/anlos/commands.h"
 #include "nodes/anlos/confocal/confocal.h"
-#include "nodes/anlos/confocal/traces.h"
+#include "nodes/anlos/confocal/scan.h"
 #include "tests/nodes/command.h"
 #include "tests/nodes/mat_write.h"
 #include "tests/nodes/near.h"

@@ -161,7 +161,7 @@ struct import_options { /* borrow from argv */
 int import_recording(struct import_bag *bag, const struct import_options *o,
                      struct error *why);
 
-/* An optical confocal scan (nodes/anlos/confocal/file.h) as if it had been made with
+/* An optical confocal scan (nodes/anlos/confocal/scan.h) as if it had been made with
  * sound: each place of the scan has sent a pulse that fills the band in which the scan
  * stands out of the noise, and hears the root of the counts answer it (waves of light,
  * Lindell 2019).  Ranges stay, and times are those of sound of 343 m/s.  Errors of

@@ -15,7 +15,7 @@
 #include "msgs/convert.h"
 #include "msgs/tensor.h"
 #include "nodes/anlos/bag/ego_table.h"
-#include "nodes/anlos/confocal/traces.h"
+#include "nodes/anlos/confocal/scan.h"
 #include "nodes/anlos/usage.h"
 #include "nodes/array/acquisition.h"
 #include "nodes/rt/stop.h"

@@ -8,7 +8,7 @@
 #include <string.h>
 
 #include "msgs/convert.h"
-#include "nodes/anlos/confocal/traces.h"
+#include "nodes/anlos/confocal/scan.h"
 #include "nodes/anlos/usage.h"
 #include "nodes/rt/export.h"
 #include "nodes/rt/stop.h"
@@ -20,7 +20,7 @@
 
 /* An optical scan to a volume: by the light-cone transform of its counts (Lindell 2019,
  * Eq. 9), or by f-k migration or back-projection of their square roots as a wave
- * (nodes/anlos/confocal/traces.h). */
+ * (nodes/anlos/confocal/scan.h). */
 
 #define FALLOFF     2.0 /* of a retroreflector's counts, as 1 / r^n */
 #define LEVEL_BINS  8   /* that the level of darkness is the mean of */

@@ -8,7 +8,7 @@
 #include "dsp/error.h"
 #include "dsp/pool.h"
 #include "msgs/detections.pb-c.h"
-#include "nodes/anlos/confocal/file.h"
+#include "nodes/anlos/confocal/scan.h"
 #include "nodes/anlos/recon/job.h"
 #include "nodes/anlos/stopwatch.h"
 #include "recon/survey.h"

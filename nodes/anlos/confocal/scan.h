@@ -1,15 +1,18 @@
 /* SPDX-License-Identifier: MIT */
-/* nodes/anlos/confocal/file.h -- optical confocal scans as MATLAB files (O'Toole 2018):
+/* nodes/anlos/confocal/scan.h -- optical confocal scans, what of one lies in a gate, and
+ * its counts as waves.  They come as MATLAB files (O'Toole 2018):
  *   rect_data [n][n][n_bins]  photon counts: places of the wall's scan, then time
  *   width                     half of the side of the scanned square, m
  *   bin_s                     time bin, s; 4e-12 when missing
  * Time 0 is when the light meets the wall; range is half the way of light from there. */
-#ifndef ANLOS_NODES_ANLOS_CONFOCAL_FILE_H
-#define ANLOS_NODES_ANLOS_CONFOCAL_FILE_H
+#ifndef ANLOS_NODES_ANLOS_CONFOCAL_SCAN_H
+#define ANLOS_NODES_ANLOS_CONFOCAL_SCAN_H
 
+#include <complex.h>
 #include <stddef.h>
 
 #include "dsp/error.h"
+#include "dsp/pulse_compress.h"
 
 #define CONFOCAL_LIGHT_M_S 299792458.0
 
@@ -46,5 +49,21 @@ int confocal_scan_create(struct confocal_scan *s, const struct confocal_file *f,
                          const double gate_m[2], size_t max_bins, double least_step_m,
                          struct error *why);
 void confocal_scan_clear(struct confocal_scan *s);
+
+/* Photon counts as waves (Lindell 2019, wave-based imaging by f-k migration): their
+ * square root, without what does not change, in the band where it stands out of the
+ * noise, as the analytic baseband signal that migration and back-projection of sound
+ * take. */
+
+struct confocal_traces {
+    struct trace_format format;
+    double band_hz[2];
+    float complex *traces; /* [nx][ny][format.n_samples] */
+};
+
+/* Clear with confocal_traces_clear.  0, -ENODATA (nothing changes over time), -ENOMEM. */
+int confocal_traces_create(struct confocal_traces *t, const struct confocal_scan *s,
+                           struct error *why);
+void confocal_traces_clear(struct confocal_traces *t);
 
 #endif
