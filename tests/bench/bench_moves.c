@@ -9,7 +9,7 @@
 #include <stdlib.h>
 
 #include "msgs/convert.h"
-#include "nodes/anlos/doctor/drive_world.h"
+#include "nodes/anlos/doctor/drive_pipe.h"
 #include "recon/frontend/frontend.h"
 
 struct bench {

@@ -17,7 +17,7 @@
 #include "msgs/topics.h"
 #include "nodes/anlos/batch/batch.h"
 #include "nodes/anlos/commands.h"
-#include "nodes/anlos/doctor/drive_world.h"
+#include "nodes/anlos/doctor/drive_pipe.h"
 #include "tests/nodes/command.h"
 #include "tests/nodes/near.h"
 #include "tests/nodes/scene.h"

@@ -7,7 +7,7 @@
 #include <math.h>
 
 #include "msgs/convert.h"
-#include "nodes/anlos/doctor/drive_world.h"
+#include "nodes/anlos/doctor/drive_pipe.h"
 #include "nodes/dsp/dsp.h"
 #include "nodes/recon/recon.h"
 #include "nodes/recon/steady.h"

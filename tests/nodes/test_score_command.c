@@ -7,7 +7,7 @@
 
 #include "msgs/detections.pb-c.h"
 #include "nodes/anlos/commands.h"
-#include "nodes/anlos/doctor/drive_world.h"
+#include "nodes/anlos/doctor/drive_pipe.h"
 #include "nodes/anlos/score/drive_bag.h"
 #include "tests/nodes/command.h"
 #include "tests/nodes/near.h"

@@ -16,7 +16,7 @@
 
 #include "hal/survey/firing.h"
 #include "msgs/convert.h"
-#include "nodes/anlos/doctor/drive_world.h"
+#include "nodes/anlos/doctor/drive_pipe.h"
 #include "nodes/array/places.h"
 #include "nodes/can/watch.h"
 #include "nodes/rt/launchfile.h"
