@@ -135,7 +135,9 @@ int projection_resample(const struct projection *p, size_t w, size_t h, float *o
     return err;
 }
 
-void projection_edges(const struct projection *p, int axis, double *min, double *max)
+/* The outer edges of the samples' cells. */
+static void projection_edges(const struct projection *p, int axis, double *min,
+                             double *max)
 {
     *min = p->origin_m[axis] - 0.5 * p->step_m[axis];
     *max = *min + (double)p->n[axis] * p->step_m[axis];

@@ -46,8 +46,6 @@ int projection_create(struct projection *out, const struct grid *grid,
  * 0, -ENOMEM. */
 int projection_resample(const struct projection *p, size_t w, size_t h, float *out);
 
-/* The outer edges of the samples' cells. */
-void projection_edges(const struct projection *p, int axis, double *min, double *max);
 void projection_clear(struct projection *p);
 
 /* A perceptual colour map, from black over purple and orange to pale yellow: equal steps

@@ -4,9 +4,11 @@
 #include "nodes/anlos/doctor/doctor.h"
 
 #include <errno.h>
+#include <jansson.h>
 #include <poll.h>
 #include <signal.h>
 #include <stdarg.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/prctl.h>
@@ -66,7 +68,7 @@ void finding_todo(struct findings *f, const char *format, ...)
     log_text_clean(one->todo);
 }
 
-size_t findings_count(const struct findings *f, enum finding_level level)
+static size_t findings_count(const struct findings *f, enum finding_level level)
 {
     size_t n = 0;
 
@@ -75,7 +77,8 @@ size_t findings_count(const struct findings *f, enum finding_level level)
     return n;
 }
 
-void findings_print(const struct findings *f, bool colour, FILE *to)
+/* A line for each, what to do below it, and how many there are. */
+static void findings_print(const struct findings *f, bool colour, FILE *to)
 {
     static const char *const colours[] = {"\033[32m", "\033[33m", "\033[31m"};
 
@@ -92,7 +95,8 @@ void findings_print(const struct findings *f, bool colour, FILE *to)
             findings_count(f, FINDING_NOTE), findings_count(f, FINDING_OK));
 }
 
-json_t *findings_json(const struct findings *f)
+/* {"findings": [...], "wrong": n, "notes": n}; NULL: no memory. */
+static json_t *findings_json(const struct findings *f)
 {
     json_t *list = json_array();
 

@@ -5,11 +5,9 @@
 #ifndef ANLOS_NODES_ANLOS_DOCTOR_DOCTOR_H
 #define ANLOS_NODES_ANLOS_DOCTOR_DOCTOR_H
 
-#include <jansson.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
-#include <stdio.h>
 #include <sys/types.h>
 
 #include "dsp/error.h"
@@ -40,14 +38,6 @@ void finding_add(struct findings *f, enum finding_level level, const char *area,
 /* What to do about the one added last. */
 void finding_todo(struct findings *f, const char *format, ...)
     __attribute__((format(printf, 2, 3)));
-
-size_t findings_count(const struct findings *f, enum finding_level level);
-
-/* A line for each, what to do below it, and how many there are. */
-void findings_print(const struct findings *f, bool colour, FILE *to);
-
-/* {"findings": [...], "wrong": n, "notes": n}; NULL: no memory. */
-json_t *findings_json(const struct findings *f);
 
 void findings_clear(struct findings *f);
 

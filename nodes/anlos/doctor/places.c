@@ -5,6 +5,7 @@
 #include <cyaml/cyaml.h>
 #include <errno.h>
 #include <fftw3.h>
+#include <jansson.h>
 #include <limits.h>
 #include <lz4.h>
 #include <protobuf-c/protobuf-c.h>
