@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
+#include <unistd.h>
 
 #include "dsp/list.h"
 #include "hal/table_file.h"
@@ -147,4 +148,28 @@ int pings_load(double (**out)[2][3], size_t *n, const char *path, struct error *
     *out = f.pings;
     *n = f.n;
     return 0;
+}
+
+int pings_save(const double (*pings)[2][3], size_t n, const char *path)
+{
+    char *name, text[DECIMAL_SIZE];
+    int err = 0;
+    if (asprintf(&name, "%s-pings.csv", path) < 0)
+        return -ENOMEM;
+    unlink(name); /* and not through a link that somebody has put there */
+    FILE *f = fopen(name, "wxe");
+    if (f) {
+        fputs("tx_x_m,tx_y_m,tx_z_m,rx_x_m,rx_y_m,rx_z_m\n", f);
+        for (size_t k = 0; k < n; k++)
+            for (int c = 0; c < 6; c++)
+                fprintf(f, "%s%s", decimal_print(pings[k][c / 3][c % 3], text),
+                        c < 5 ? "," : "\n");
+        err = ferror(f) ? -EIO : 0;
+        if (fclose(f) && !err)
+            err = -errno;
+    } else {
+        err = -errno;
+    }
+    free(name);
+    return err;
 }

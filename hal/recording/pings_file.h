@@ -19,4 +19,8 @@
  * -ENOMEM. */
 int pings_load(double (**out)[2][3], size_t *n, const char *path, struct error *why);
 
+/* Writes pings[n][speaker, microphone] to PATH-pings.csv.  0, -ENOMEM, other negative
+ * errno. */
+int pings_save(const double (*pings)[2][3], size_t n, const char *path);
+
 #endif

@@ -10,6 +10,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "hal/recording/pings_file.h"
 #include "hal/recording/replica_file.h"
 #include "hal/survey/response_file.h"
 #include "hal/survey/yaml.h"
@@ -239,31 +240,6 @@ static int save_responses(const struct survey *s, const char *path, const char *
     return err;
 }
 
-/* PATH-pings.csv. */
-static int save_pings(const struct survey *s, const char *path)
-{
-    char *name, text[DECIMAL_SIZE];
-    int err = 0;
-    if (asprintf(&name, "%s-pings.csv", path) < 0)
-        return -ENOMEM;
-    unlink(name); /* and not through a link that somebody has put there */
-    FILE *f = fopen(name, "wxe");
-    if (f) {
-        fputs("tx_x_m,tx_y_m,tx_z_m,rx_x_m,rx_y_m,rx_z_m\n", f);
-        for (size_t k = 0; k < s->n_positions; k++)
-            for (int c = 0; c < 6; c++)
-                fprintf(f, "%s%s", decimal_print(s->pings_m[k][c / 3][c % 3], text),
-                        c < 5 ? "," : "\n");
-        err = ferror(f) ? -EIO : 0;
-        if (fclose(f) && !err)
-            err = -errno;
-    } else {
-        err = -errno;
-    }
-    free(name);
-    return err;
-}
-
 static int write_whole(const struct survey *s, const char *path, const char *calibration)
 {
     char *partial;
@@ -297,7 +273,8 @@ int survey_save(const struct survey *s, const char *path, const char *calibratio
     int err = calibration ? save_responses(s, path, calibration, why) : 0;
     if (err)
         return err;
-    err = s->pings_m ? save_pings(s, path) : 0;
+    err = s->pings_m ? pings_save((const double(*)[2][3])s->pings_m, s->n_positions, path)
+                     : 0;
     if (!err && s->n_replica)
         err = replica_save(s->replica, s->n_replica, path, s->sample_rate_hz);
     if (!err)
