@@ -127,7 +127,7 @@ struct scene_noise {
     unsigned n_tones;
 };
 
-/* Another vehicle's array of the same design, hal/room/interferer.h.  It stands. */
+/* Another vehicle's array of the same design, hal/room/noise.h.  It stands. */
 struct scene_interferer {
     double position_m[3];   /* the middle of its speakers */
     double turn_deg;        /* about the upright axis; 0: it looks where ours does */
