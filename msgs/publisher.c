@@ -13,7 +13,6 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "msgs/discovery.h"
 #include "msgs/endpoint.h"
 #include "msgs/monotonic.h"
 

@@ -14,7 +14,6 @@
 #include <sys/eventfd.h>
 #include <unistd.h>
 
-#include "msgs/discovery.h"
 #include "msgs/endpoint.h"
 #include "msgs/monotonic.h"
 
