@@ -26,13 +26,23 @@ struct pool {
     void *ctx;
     size_t n_items;
     atomic_size_t next;
+    bool (*asks)(void *ctx); /* pool_stop_by */
+    void *asks_ctx;
+    atomic_bool stopped;
 };
+
+/* Only the caller asks; its workers see what it was answered. */
+static bool pool_stops(struct pool *p, size_t thread)
+{
+    return thread == 0 ? pool_stopped(p)
+                       : atomic_load_explicit(&p->stopped, memory_order_relaxed);
+}
 
 static void pool_take(struct pool *p, size_t thread)
 {
     for (;;) {
         size_t item = atomic_fetch_add_explicit(&p->next, 1, memory_order_relaxed);
-        if (item >= p->n_items)
+        if (item >= p->n_items || pool_stops(p, thread))
             return;
         p->work(p->ctx, item, thread);
     }
@@ -145,7 +155,7 @@ void pool_run(struct pool *p, size_t n_items,
               void (*work)(void *ctx, size_t item, size_t thread), void *ctx)
 {
     if (p->n_threads == 1 || n_items <= 1) {
-        for (size_t i = 0; i < n_items; i++)
+        for (size_t i = 0; i < n_items && !pool_stopped(p); i++)
             work(ctx, i, 0);
         return;
     }
@@ -165,6 +175,23 @@ void pool_run(struct pool *p, size_t n_items,
     while (p->n_busy > 0)
         pthread_cond_wait(&p->done, &p->lock);
     pthread_mutex_unlock(&p->lock);
+}
+
+void pool_stop_by(struct pool *p, bool (*stop)(void *ctx), void *ctx)
+{
+    p->asks = stop;
+    p->asks_ctx = ctx;
+    atomic_store(&p->stopped, false);
+}
+
+bool pool_stopped(struct pool *p)
+{
+    if (atomic_load_explicit(&p->stopped, memory_order_relaxed))
+        return true;
+    if (!p->asks || !p->asks(p->asks_ctx))
+        return false;
+    atomic_store_explicit(&p->stopped, true, memory_order_relaxed);
+    return true;
 }
 
 void pool_destroy(struct pool *p)

@@ -210,8 +210,8 @@ static int make_image(struct pipeline *p, struct pipeline_output *out, struct er
 {
     if (p->array)
         static_array_image(p->array, &p->volume);
-    else
-        scan_imager_image(p->scan, false, &p->volume);
+    else if (scan_imager_image(p->scan, false, &p->volume))
+        return error_say(why, -ECANCELED, "stopped while imaging");
     did(p, PIPELINE_IMAGE);
     p->has_image = true;
     out->image = &p->volume;

@@ -70,7 +70,8 @@ int pipeline_survey(struct pipeline *p, const struct survey *survey, struct erro
 uint64_t pipeline_survey_id(const struct pipeline *p);
 
 /* now_ns: when it came in, which is what the walls are told for.  0, or errors of
- * object_tracker_volume. */
+ * object_tracker_volume, or -ECANCELED: cfg.scan.stop ended the image that was due; the
+ * ping is in, and pipeline_finish images again. */
 int pipeline_ping(struct pipeline *p, const struct ping *ping, int64_t now_ns,
                   struct pipeline_output *out, struct error *why);
 

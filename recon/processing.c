@@ -410,6 +410,8 @@ int processing_imager(struct imager **out, const struct processing *p, const cha
     if (err == -ENOTSUP)
         return error_say(why, err, "method '%s' cannot image this survey: it needs %s",
                          method, reason && *reason ? reason : "another geometry");
+    if (err == -ECANCELED)
+        return error_say(why, err, "stopped while planning");
     if (err)
         return error_say(why, err, "method '%s': %s", method,
                          reason && *reason ? reason : strerror(-err));

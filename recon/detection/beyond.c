@@ -104,7 +104,7 @@ int beyond_judge_traces(const struct trace_set *set, const struct grid *volume,
     err = trace_set_feed(set, surroundings_imager(s), pool);
     if (!err) {
         b.around = surroundings_image(s);
-        err = beyond_judge(&b, found, n);
+        err = b.around ? beyond_judge(&b, found, n) : -ECANCELED;
     }
     surroundings_destroy(s);
     return err;

@@ -36,7 +36,7 @@ struct beyond {
 int beyond_judge(const struct beyond *b, struct detection *found, size_t n);
 
 /* The same where the traces are at hand, of which it makes the coarse image; nothing is
- * done where that cannot be.  0, -ENOMEM. */
+ * done where that cannot be.  0, -ENOMEM, -ECANCELED (the pool has stopped). */
 int beyond_judge_traces(const struct trace_set *set, const struct grid *volume,
                         double range_db, bool of_power, struct pool *pool,
                         struct detection *found, size_t n);

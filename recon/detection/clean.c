@@ -29,6 +29,7 @@ struct rest {
 
 struct fit { /* vectors [n] re im */
     struct sparse_operator *model;
+    struct pool *pool;
     size_t n;
     float *x, *rest, *step, *image;
 };
@@ -49,7 +50,7 @@ static void solve(struct fit *f)
     sparse_operator_data(f->model, f->rest);
     memcpy(f->step, f->rest, 2 * f->n * sizeof *f->step);
     double left = energy(f->rest, f->n), enough = ENOUGH * left;
-    for (size_t i = 0; i < STEPS && left > enough; i++) {
+    for (size_t i = 0; i < STEPS && left > enough && !pool_stopped(f->pool); i++) {
         double along = 0.0, before = left;
         sparse_operator_normal(f->model, f->step, f->image);
         for (size_t v = 0; v < 2 * f->n; v++)
@@ -171,7 +172,7 @@ static int subtract(const struct trace_set *set, struct pool *pool, size_t n,
                                       .format = set->format,
                                       .band_hz = {set->band_hz[0], set->band_hz[1]},
                                       .pool = pool};
-    struct fit f = {.n = n};
+    struct fit f = {.pool = pool, .n = n};
     float *vectors = malloc(8 * n * sizeof *vectors);
     bool *masked = malloc(set->geometry->n_microphones * sizeof *masked);
     int err = vectors && masked ? sparse_operator_create(&f.model, &cfg, n) : -ENOMEM;
@@ -185,6 +186,7 @@ static int subtract(const struct trace_set *set, struct pool *pool, size_t n,
         sparse_operator_place(f.model, n, at_m);
         solve(&f);
         sparse_operator_residual(f.model, f.x, rest);
+        err = pool_stopped(pool) ? -ECANCELED : 0;
         sparse_operator_destroy(f.model);
     }
     free(masked);
@@ -220,7 +222,7 @@ static int image_rest(const struct clean *c, const struct grid *grid,
         err = trace_set_feed(&left, c->imager, c->pool);
     }
     if (!err)
-        imager_image(c->imager, residual);
+        err = imager_image(c->imager, residual);
     free(rest);
     free(at_m);
     return err;
@@ -376,8 +378,9 @@ static int find_before(const struct clean *c, const struct detect_config *cfg,
         imager_reset(c->imager);
         err = trace_set_feed(&left, c->imager, c->pool);
     }
+    if (!err)
+        err = imager_image(c->imager, image.residual);
     if (!err) {
-        imager_image(c->imager, image.residual);
         found[0] = plane->object;
         found[0].level_db = level_db;
         *n = 1;

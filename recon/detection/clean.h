@@ -32,8 +32,8 @@ struct clean {
  * power law (Hill 1975); what is as far away as something stronger by 20 dB is what the
  * model does not explain of that, and existence under 5 % is left out.  Levels are above
  * the noise of the first image.  Nothing is done where noise hides what the strongest
- * could, or a CFAR decides.  0, -ENOMEM.  Cost: some ten passes of up to 2 million pairs
- * and places, and an image. */
+ * could, or a CFAR decides.  0, -ENOMEM, -ECANCELED (the pool has stopped).  Cost: some
+ * ten passes of up to 2 million pairs and places, and an image. */
 int clean_find(const struct clean *c, const struct detect_config *cfg,
                const struct grid *grid, const float *intensity, struct detection *found,
                size_t max, size_t *n);

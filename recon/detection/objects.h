@@ -85,7 +85,7 @@ void objects_resolution(struct detect_config *cfg, const struct survey *s,
  * (0..1) is left out.  cfg->resolution_m is not read: it follows from the survey.
  * Without a wall the positions are the virtual ones (mirrored = false), without a mount
  * they stay in the array frame.  intensity: [nz][ny][nx].  walls: e.g. the newest that
- * were heard; NULL: the survey's.  0, -ENOMEM. */
+ * were heard; NULL: the survey's.  0, -ENOMEM, -ECANCELED (its pool has stopped). */
 int objects_find(struct object_list *out, const struct survey *s,
                  const struct walls *walls, const struct detect_config *cfg,
                  double min_existence, const struct grid *grid, const float *intensity);

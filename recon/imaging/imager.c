@@ -25,6 +25,7 @@ static const struct imager_method *const methods[] = {
 struct imager {
     const struct imager_method *method;
     void *state;
+    struct pool *pool;
     size_t n_speakers, n_pings, n_microphones, n_samples;
     struct grid grid, fitted; /* what was asked for, and what the method images */
     size_t before[3];         /* voxels of the second before the first */
@@ -226,6 +227,7 @@ int imager_create(struct imager **out, const struct imager_config *cfg, const ch
     if (!im)
         return -ENOMEM;
     im->method = method;
+    im->pool = cfg->pool;
     im->n_speakers = cfg->geometry->n_speakers;
     im->n_pings = cfg->geometry->n_positions * cfg->geometry->n_speakers;
     im->n_microphones = cfg->geometry->n_microphones;
@@ -233,6 +235,10 @@ int imager_create(struct imager **out, const struct imager_config *cfg, const ch
     im->added = calloc(im->n_pings, sizeof *im->added);
     im->masked = calloc(im->n_pings, im->n_microphones * sizeof *im->masked);
     int err = im->added && im->masked ? plan(im, cfg, why) : -ENOMEM;
+    if (!err && pool_stopped(cfg->pool)) {
+        im->method->destroy(im->state);
+        err = -ECANCELED;
+    }
     if (err) {
         free(im->volume);
         free(im->masked);
@@ -285,15 +291,18 @@ size_t imager_pings(const struct imager *im)
     return atomic_load(&im->count);
 }
 
-void imager_image(struct imager *im, float *restrict intensity)
+int imager_image(struct imager *im, float *restrict intensity)
 {
     const size_t *n = im->grid.n, *wide = im->fitted.n;
     im->method->image(im->state, im->volume ? im->volume : intensity);
+    if (pool_stopped(im->pool))
+        return -ECANCELED;
     for (size_t row = 0; im->volume && row < n[2] * n[1]; row++) {
         size_t z = row / n[1] + im->before[2], y = row % n[1] + im->before[1];
         const float *from = im->volume + (z * wide[1] + y) * wide[0] + im->before[0];
         memcpy(intensity + row * n[0], from, n[0] * sizeof *intensity);
     }
+    return 0;
 }
 
 void imager_outcome(const struct imager *im, struct imager_outcome *out)

@@ -53,7 +53,7 @@ bool imager_adds(const char *name);
 
 /* Plans and allocates everything, in one thread (FFTW's planner is not thread-safe).
  * 0, -EINVAL (values), -ENOENT (no such method), -ENOTSUP (the method cannot do this
- * geometry; *why says what it needs), -ENOMEM. */
+ * geometry; *why says what it needs), -ENOMEM, -ECANCELED (the pool has stopped). */
 int imager_create(struct imager **out, const struct imager_config *cfg, const char **why);
 
 /* traces [n_microphones][format.n_samples] of one ping; masked[n_microphones] may be
@@ -64,8 +64,10 @@ bool imager_add(struct imager *im, size_t position, size_t speaker,
                 const float complex *traces, const bool *masked);
 size_t imager_pings(const struct imager *im);
 
-/* intensity [nz][ny][nx] from what has been added.  Uses the pool. */
-void imager_image(struct imager *im, float *restrict intensity);
+/* intensity [nz][ny][nx] from what has been added.  Uses the pool.  0, or -ECANCELED: it
+ * has stopped (pool_stop_by), and intensity is not to be used.  What has been added
+ * stays: when the pool goes on, so may this. */
+int imager_image(struct imager *im, float *restrict intensity);
 
 /* What a method did for the image that it made last, beyond what it was told. */
 struct imager_outcome {

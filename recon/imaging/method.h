@@ -19,6 +19,7 @@ struct imager_method {
      * once.  masked[n_microphones] is never NULL. */
     void (*add)(void *state, size_t position, size_t speaker, const float complex *traces,
                 const bool *masked);
+    /* Ends early where the pool has stopped; the next one is as if that had not been. */
     void (*image)(void *state, float *intensity);
     void (*describe)(const void *state, struct imager_outcome *out); /* NULL: nothing */
     void (*reset)(void *state);

@@ -43,6 +43,11 @@ int scan_imager_create(struct scan_imager **out, const struct scan_imager_config
     return 0;
 }
 
+static void begin(struct scan_imager *r)
+{
+    pool_stop_by(r->pool, r->cfg.stop, r->cfg.stop_ctx);
+}
+
 void scan_imager_forget(struct scan_imager *r)
 {
     imager_destroy(r->imager);
@@ -80,6 +85,7 @@ int scan_imager_survey(struct scan_imager *r, const struct survey *survey,
                        struct error *why)
 {
     scan_imager_forget(r);
+    begin(r);
     int err = image_plan_create(&r->plan, survey, r->cfg.compression, false, why);
     r->plan.processing.imaging = r->cfg.options;
     if (!err)
@@ -105,6 +111,7 @@ static void look(struct scan_imager *r, const struct traces *t)
     struct imager *im = surroundings_imager(r->around);
     size_t early = (s->n_positions - 1) * s->n_speakers;
 
+    pool_stop_by(r->pool, NULL, NULL); /* it is not made again */
     imager_add(im, t->position, t->speaker, t->samples, t->masked);
     if (s->n_positions >= POSITIONS && imager_pings(im) == early)
         r->looked = surroundings_image(r->around);
@@ -157,13 +164,22 @@ bool scan_imager_has_new_position(const struct scan_imager *r)
     return r->new_position;
 }
 
-void scan_imager_image(struct scan_imager *r, bool preview, struct volume *out)
+int scan_imager_image(struct scan_imager *r, bool preview, struct volume *out)
 {
-    imager_image(r->imager, r->intensity);
+    const struct surroundings_view *around = r->looked;
+
+    begin(r);
+    int err = imager_image(r->imager, r->intensity);
+    if (!err && r->around && !preview && !around) {
+        around = surroundings_image(r->around);
+        err = around ? 0 : -ECANCELED;
+    }
+    if (err)
+        return err;
     r->new_position = false;
     image_plan_volume(&r->plan, r->intensity, out);
     if (r->around && !preview)
-        out->around = r->looked ? *r->looked : *surroundings_image(r->around);
+        out->around = *around;
     out->capture_ns = r->capture_ns;
     out->scan = r->scan;
     out->preview = preview;
@@ -173,6 +189,7 @@ void scan_imager_image(struct scan_imager *r, bool preview, struct volume *out)
     out->clipped_samples = r->clipped;
     for (size_t m = 0; m < r->plan.survey.n_microphones; m++)
         out->microphones_masked += r->masked_ever[m];
+    return 0;
 }
 
 void scan_imager_reset(struct scan_imager *r)

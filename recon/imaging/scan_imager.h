@@ -21,6 +21,8 @@ struct scan_imager_config {
     const struct imager_options *options; /* likewise; NULL: the defaults */
     size_t threads;                       /* at least 1 */
     enum compression compression; /* the front end's: it decides the traces' format */
+    bool (*stop)(void *ctx);      /* pool_stop_by, of each plan and image anew */
+    void *stop_ctx;
 };
 
 struct scan_imager;
@@ -29,7 +31,7 @@ struct scan_imager;
 int scan_imager_create(struct scan_imager **out, const struct scan_imager_config *cfg);
 
 /* Plans for a survey, which it copies; the traces of another one are forgotten.  0, or a
- * negative errno and an error (of the survey or of the method). */
+ * negative errno and an error (of the survey or of the method; -ECANCELED: stopped). */
 int scan_imager_survey(struct scan_imager *r, const struct survey *survey,
                        struct error *why);
 
@@ -52,8 +54,8 @@ int64_t scan_imager_capture_ns(const struct scan_imager *r); /* of the newest pi
 bool scan_imager_has_new_position(const struct scan_imager *r);
 
 /* Images what is in, and what lies around the volume, but for a preview.  Borrowed, good
- * until the next image. */
-void scan_imager_image(struct scan_imager *r, bool preview, struct volume *out);
+ * until the next image.  0, or -ECANCELED: stopped; what is in stays. */
+int scan_imager_image(struct scan_imager *r, bool preview, struct volume *out);
 
 /* A new scan: forget all traces. */
 void scan_imager_reset(struct scan_imager *r);

@@ -169,7 +169,8 @@ const struct surroundings_view *surroundings_image(struct surroundings *s)
 {
     float *faintest = &s->spots[SURROUNDINGS_SPOTS - 1][3];
 
-    imager_image(s->imager, s->all);
+    if (imager_image(s->imager, s->all))
+        return NULL;
     crop(s);
     s->view.n_spots = 0;
     *faintest = 0.0f;

@@ -25,14 +25,15 @@ struct surroundings;
 
 /* Of the image that is wanted, in its pool, by the traces that it takes.  0, -ENOTSUP (an
  * array that `fast` does not image, pings with places of their own, or more than ten
- * million voxels), -EINVAL, -ENOMEM.  Free with surroundings_destroy. */
+ * million voxels), -EINVAL, -ENOMEM, -ECANCELED (the pool has stopped).  Free with
+ * surroundings_destroy. */
 int surroundings_create(struct surroundings **out, const struct imager_config *wanted);
 
 /* Takes the traces; owned by it. */
 struct imager *surroundings_imager(struct surroundings *s);
 
-/* Images what is in.  Borrowed, good until the next call.  Cost: an image of some 100
- * voxels a side for a volume as wide as it is far. */
+/* Images what is in.  Borrowed, good until the next call; NULL: the pool has stopped.
+ * Cost: an image of some 100 voxels a side for a volume as wide as it is far. */
 const struct surroundings_view *surroundings_image(struct surroundings *s);
 
 void surroundings_destroy(struct surroundings *s);

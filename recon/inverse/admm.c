@@ -584,7 +584,7 @@ static void iterate(struct admm *a, double length, struct admm_result *result)
     }
     struct residuals r = {0};
     size_t calm = CHECK_EVERY; /* rho may change from this iteration on */
-    for (size_t i = 1; i <= a->cfg.iterations && !result->converged; i++) {
+    for (size_t i = 1; i <= a->cfg.iterations && !pool_stopped(a->cfg.pool); i++) {
         a->check = i % CHECK_EVERY == 0 || i == a->cfg.iterations;
         split(a, emit);
         result->iterations = i;
@@ -681,5 +681,6 @@ void admm_solve(struct admm *a, const float *b, double reference, float *x,
     for (size_t d = 0; d < a->parts; d++)
         memset(a->v[0][d], 0, a->nz * a->plane * sizeof(float));
     iterate(a, length, result);
-    finish(a, b, x, result);
+    if (!pool_stopped(a->cfg.pool))
+        finish(a, b, x, result);
 }

@@ -41,7 +41,7 @@ static void measure_gain(struct admm *a)
         in[i] = 0.5f + (float)(seed >> 8) / 16777216.0f;
     }
     a->gain = 1.0;
-    for (int step = 0; step < POWER_STEPS; step++) {
+    for (int step = 0; step < POWER_STEPS && !pool_stopped(a->cfg.pool); step++) {
         apply(a, in, out);
         double norm = sqrt(dot(out, out, a->n));
         a->gain = norm / sqrt(dot(in, in, a->n));

@@ -519,7 +519,7 @@ static void sharpen(struct iterative *it, float *intensity)
         brightest = fmaxf(brightest, it->image[v]);
     double reference = sqrt((double)brightest);
     it->outcome.iterates = it->outcome.converged = true;
-    for (size_t i = 0; i < it->slabs.n; i++) {
+    for (size_t i = 0; i < it->slabs.n && !pool_stopped(it->pool); i++) {
         const struct slab *s = &it->slabs.all[i];
         struct admm_result part;
         float largest = load(it, s);
@@ -542,7 +542,8 @@ static void iterative_image(void *state, float *intensity)
         iterative_lightcone_image(it->lightcone, intensity);
         return;
     }
-    imager_image(it->base, it->image);
+    if (imager_image(it->base, it->image))
+        return;
     imager_outcome(it->base, &it->outcome);
     sharpen(it, intensity);
 }

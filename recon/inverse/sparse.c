@@ -25,7 +25,8 @@
  * that stay 0; when few are left, coordinate descent on their Gram matrix (Wu 2008) goes
  * on to the end, some 1000 times as fast. */
 struct solver_config {
-    struct sparse_operator *model; /* not owned */
+    struct pool *pool;             /* not owned, nor is */
+    struct sparse_operator *model; /* which works in it */
     size_t max_points;
     double l1;         /* lambda over the largest of |K' y| */
     double tolerance;  /* relative change that ends a round */
@@ -108,7 +109,7 @@ static double measure_step(struct solver *s)
 {
     double largest = 1.0;
     memcpy(s->momentum, s->data, 2 * s->n * sizeof(float));
-    for (int step = 0; step < POWER_STEPS; step++) {
+    for (int step = 0; step < POWER_STEPS && !pool_stopped(s->cfg.pool); step++) {
         double in = 0.0, out = 0.0;
         sparse_operator_normal(s->model, s->momentum, s->image_of);
         for (size_t i = 0; i < 2 * s->n; i++) {
@@ -191,7 +192,7 @@ static void fista(struct solver *s, double lipschitz, double lambda, size_t iter
 {
     double t = 1.0;
     memcpy(s->momentum, s->x, 2 * s->n * sizeof(float));
-    for (size_t i = 1; i <= iterations && s->n; i++) {
+    for (size_t i = 1; i <= iterations && s->n && !pool_stopped(s->cfg.pool); i++) {
         bool uphill;
         sparse_operator_normal(s->model, s->momentum, s->image_of);
         double change = step(s, lipschitz, lambda, &uphill);
@@ -281,7 +282,8 @@ static void descend(struct solver *s, double lambda)
     for (size_t i = 0; i < s->n; i++)
         subtract(s->n, gram_row(s, i), gram_row(s, i) + s->n, s->x[2 * i],
                  s->x[2 * i + 1], r_re, r_im);
-    for (size_t k = 0; k < SWEEPS * s->cfg.iterations; k++) {
+    for (size_t k = 0; k < SWEEPS * s->cfg.iterations && !pool_stopped(s->cfg.pool);
+         k++) {
         double change = sweep(s, lambda);
         count(s, change, change < SWEEP_TOLERANCE * s->cfg.tolerance);
         if (s->result.converged)
@@ -308,7 +310,7 @@ static size_t solver_run(struct solver *s, size_t n, const size_t **which,
     if (n > GRAM_POINTS)
         lipschitz = measure_step(s);
     bool few = false;
-    for (int round = 0; round < ROUNDS; round++) {
+    for (int round = 0; round < ROUNDS && !pool_stopped(s->cfg.pool); round++) {
         if (s->n > GRAM_POINTS)
             fista(s, lipschitz, s->cfg.l1 * largest, s->cfg.iterations);
         if (!few && s->n <= GRAM_POINTS)
@@ -396,8 +398,8 @@ static int sparse_create(void **state, const struct imager_config *cfg, const ch
     if (!err)
         err = sparse_operator_create(&s->model, cfg, s->max_points);
     if (!err) {
-        const struct solver_config solver = {s->model, s->max_points, o->l1, o->tolerance,
-                                             o->iterations};
+        const struct solver_config solver = {cfg->pool, s->model,     s->max_points,
+                                             o->l1,     o->tolerance, o->iterations};
         err = solver_create(&s->solver, &solver);
     }
     if (err) {
@@ -455,7 +457,8 @@ static void choose(struct sparse *s, const float *image)
 static void sparse_image(void *state, float *intensity)
 {
     struct sparse *s = state;
-    imager_image(s->base, intensity);
+    if (imager_image(s->base, intensity))
+        return;
     choose(s, intensity);
     memset(intensity, 0, grid_size(&s->grid) * sizeof *intensity);
     s->result = (struct solution){.converged = true};

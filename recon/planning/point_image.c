@@ -258,8 +258,8 @@ static int image(struct point_image *out, struct work *w, struct pool *pool,
         error_say(why, err, "out of memory");
     } else {
         pool_run(pool, w->survey->n_positions, add_position, w);
-        imager_image(w->imager, v);
-        err = measure(out, w, v, why);
+        err = imager_image(w->imager, v);
+        err = err ? error_say(why, err, "stopped") : measure(out, w, v, why);
     }
     for (size_t t = 0; w->traces && t < threads; t++)
         free(w->traces[t]);

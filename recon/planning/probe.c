@@ -297,8 +297,9 @@ static int look(struct probing *p)
             malloc((grid_size(&p->cfg.grid) + p->cfg.grid.n[2]) * sizeof *p->intensity);
         err = p->intensity ? trace_set_feed(p->set, im, p->pool) : -ENOMEM;
     }
+    if (!err)
+        err = imager_image(im, p->intensity);
     if (!err) {
-        imager_image(im, p->intensity);
         p->out->imaged = true;
         err = find_objects(p);
     }

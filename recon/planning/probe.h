@@ -45,7 +45,7 @@ struct probe {
 int probe_assume(struct probe *out, const struct trace_set *set, const struct grid *grid);
 
 /* grid: of the image that is wanted.  known: what was measured of these traces before, or
- * NULL.  0, -EINVAL, -ENOMEM. */
+ * NULL.  0, -EINVAL, -ENOMEM, -ECANCELED (the pool has stopped). */
 int probe_run(struct probe *out, const struct trace_set *set, const struct grid *grid,
               const struct coherence *known, struct pool *pool);
 

@@ -47,5 +47,5 @@ int trace_set_feed(const struct trace_set *s, struct imager *im, struct pool *po
         return -ENOMEM;
     pool_run(pool, s->geometry->n_positions, feed_position, &f);
     free(f.masked);
-    return 0;
+    return pool_stopped(pool) ? -ECANCELED : 0;
 }

@@ -25,7 +25,8 @@ struct trace_set {
 struct imager_config trace_set_imager(const struct trace_set *s, const struct grid *grid,
                                       struct pool *pool);
 
-/* Adds every ping of which something was heard.  0, -ENOMEM. */
+/* Adds every ping of which something was heard.  0, -ENOMEM, -ECANCELED (the pool has
+ * stopped). */
 int trace_set_feed(const struct trace_set *s, struct imager *im, struct pool *pool);
 
 static inline size_t trace_set_pairs(const struct trace_set *s)

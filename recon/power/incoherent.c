@@ -154,7 +154,7 @@ static void mirror_add(struct mirror *m, size_t position, size_t speaker,
     imager_add(m->stack, position, speaker, traces, masked);
 }
 
-/* false, and nothing written: this is no mirror. */
+/* false: this is no mirror, or the pool has stopped. */
 static bool mirror_image(struct mirror *m, float *intensity)
 {
     struct scattering s;
@@ -162,8 +162,7 @@ static bool mirror_image(struct mirror *m, float *intensity)
     scattering_measure(&m->scattering, m->power, m->scratch, &s);
     if (!scattering_is_specular(&s))
         return false;
-    imager_image(m->stack, intensity);
-    return true;
+    return !imager_image(m->stack, intensity);
 }
 
 static void mirror_reset(struct mirror *m)

@@ -151,6 +151,81 @@ static void signals_are_left_to_the_caller(void **state)
         assert_true(m.blocked[i]);
 }
 
+struct stopper { /* says yes at so manieth a question */
+    size_t asked, at;
+    pthread_t caller;
+    bool elsewhere;
+};
+
+static bool stop_at(void *ctx)
+{
+    struct stopper *s = ctx;
+
+    s->elsewhere |= !pthread_equal(pthread_self(), s->caller);
+    return s->asked++ >= s->at;
+}
+
+static size_t items_done(const struct tally *t)
+{
+    size_t n = 0;
+
+    for (size_t i = 0; i < N; i++)
+        n += atomic_load(&t->seen[i]);
+    return n;
+}
+
+static void what_has_not_begun_when_it_is_to_stop_is_left_out(void **state)
+{
+    struct tally *t = calloc(1, sizeof *t);
+    struct stopper s = {.at = 3, .caller = pthread_self()};
+    struct pool *p;
+
+    (void)state;
+    assert_non_null(t);
+    t->n_threads = 1;
+    assert_int_equal(pool_create(&p, 1), 0);
+    pool_stop_by(p, stop_at, &s);
+    pool_run(p, N, count_item, t);
+    assert_int_equal(items_done(t), 3);
+    assert_int_equal(s.asked, 4);
+    assert_true(pool_stopped(p));
+    pool_run(p, N, count_item, t);
+    assert_int_equal(items_done(t), 3);
+    assert_int_equal(s.asked, 4); /* it has said so */
+    pool_stop_by(p, NULL, NULL);
+    assert_false(pool_stopped(p));
+    pool_run(p, N, count_item, t);
+    assert_int_equal(items_done(t), N + 3);
+    pool_destroy(p);
+    free(t);
+}
+
+/* How much the others do before the caller has asked is theirs; what comes after it is
+ * left out by all. */
+static void only_the_caller_is_asked_and_all_threads_stop(void **state)
+{
+    struct tally *t = calloc(1, sizeof *t);
+    struct stopper s = {.at = 0, .caller = pthread_self()};
+    struct pool *p;
+
+    (void)state;
+    assert_non_null(t);
+    t->n_threads = 4;
+    assert_int_equal(pool_create(&p, 4), 0);
+    pool_stop_by(p, stop_at, &s);
+    assert_true(pool_stopped(p));
+    pool_run(p, N, count_item, t);
+    assert_int_equal(items_done(t), 0);
+    s = (struct stopper){.at = SIZE_MAX, .caller = pthread_self()};
+    pool_stop_by(p, stop_at, &s);
+    pool_run(p, N, count_item, t);
+    assert_int_equal(items_done(t), N);
+    assert_false(s.elsewhere);
+    assert_false(pool_stopped(p));
+    pool_destroy(p);
+    free(t);
+}
+
 static void no_threads_or_absurdly_many_are_refused(void **state)
 {
     struct pool *p = NULL;
@@ -172,6 +247,8 @@ int main(void)
         cmocka_unit_test(many_short_runs_in_a_row_lose_nothing),
         cmocka_unit_test(the_threads_work_at_the_same_time),
         cmocka_unit_test(signals_are_left_to_the_caller),
+        cmocka_unit_test(what_has_not_begun_when_it_is_to_stop_is_left_out),
+        cmocka_unit_test(only_the_caller_is_asked_and_all_threads_stop),
         cmocka_unit_test(no_threads_or_absurdly_many_are_refused),
     };
 
