@@ -45,6 +45,8 @@ const char *anlos_code_text(int code)
         return "too old";
     case ANLOS_NO_THREADS:
         return "no threads left";
+    case ANLOS_CANCELED:
+        return "stopped";
     default:
         return "failed";
     }
@@ -69,7 +71,8 @@ static int code_of(int err)
     } codes[] = {{-EINVAL, ANLOS_INVALID},    {-ERANGE, ANLOS_INVALID},
                  {-EFBIG, ANLOS_INVALID},     {-ENOENT, ANLOS_INVALID},
                  {-ENOMEM, ANLOS_NO_MEMORY},  {-ENOTSUP, ANLOS_UNSUPPORTED},
-                 {-EAGAIN, ANLOS_NO_THREADS}, {-ESTALE, ANLOS_STALE}};
+                 {-EAGAIN, ANLOS_NO_THREADS}, {-ESTALE, ANLOS_STALE},
+                 {-ECANCELED, ANLOS_CANCELED}};
 
     for (size_t i = 0; i < sizeof codes / sizeof *codes; i++)
         if (codes[i].err == err)

@@ -1,4 +1,5 @@
 /* SPDX-License-Identifier: MIT */
+#include <stddef.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -151,7 +152,8 @@ int api_configure(struct api_config *p, const struct anlos_config *given,
         [ANLOS_BACKGROUND_ADAPTIVE] = BACKGROUND_ADAPTIVE};
     struct pipeline_config *cfg = &p->inside;
     struct anlos_config own, *c = &own;
-    int code = API_TAKE(c, given, "struct anlos_config", why);
+    int code = api_take(c, sizeof *c, offsetof(struct anlos_config, stop), given,
+                        "struct anlos_config", why);
 
     if (!code)
         code = check_numbers(c, why);
@@ -171,6 +173,8 @@ int api_configure(struct api_config *p, const struct anlos_config *given,
     cfg->array.moving_only = c->background == ANLOS_BACKGROUND_ADAPTIVE;
     cfg->scan.method = p->method;
     cfg->scan.options = &p->options;
+    cfg->scan.stop = c->stop;
+    cfg->scan.stop_ctx = c->stop_ctx;
     take_objects(&cfg->tracker, c);
     cfg->finds_walls = c->walls != ANLOS_WALLS_SURVEY;
     cfg->walls.map.from = c->walls == ANLOS_WALLS_HEARD ? WALL_FROM_ECHOES

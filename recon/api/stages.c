@@ -222,7 +222,9 @@ int anlos_imager_image(struct anlos_imager *m, struct anlos_image *out,
         code = api_fail(why, ANLOS_NOT_READY, "an image before there are traces");
     if (code)
         return code;
-    scan_imager_image(m->inside, !scan_imager_is_complete(m->inside), &volume);
+    int err = scan_imager_image(m->inside, !scan_imager_is_complete(m->inside), &volume);
+    if (err)
+        return api_fail_inside(why, err, NULL, "image");
     api_image(&own, &volume);
     return API_GIVE(out, &own, "struct anlos_image", why);
 }

@@ -232,6 +232,35 @@ class Stages(unittest.TestCase):
             heard[first:first + len(chirp)] += 0.05 * chirp
         return ping
 
+    def test_an_image_is_stopped(self):
+        answer = []
+
+        def stop():
+            if answer == ["raise"]:
+                raise KeyboardInterrupt
+            return bool(answer)
+
+        column = [0.08 * i for i in range(4)]
+        survey = anlos.Survey([[0, 0, 0]], [[0.04, y, 0] for y in column],
+                              stage=([1, 0, 0], [0, 0.04]), sound_speed_m_s=343,
+                              chirp=(2000, 20000, 0.03125),
+                              volume_m=[(0.02, 0.24, 0.02), (0, 0.22, 0.02), (0.9, 1.5, 0.01)])
+        ping = self.heard(survey, (0, 0, 0), [(0.04, m, 0) for m in column], (0.13, 0.11, 1.2))
+        imager = anlos.Imager(survey, method="backprojection", stop=stop)
+        imager.add(anlos.Compressor(survey).ping(ping, position=0, speaker=0))
+        whole = imager.image()
+        answer.append(True)
+        with self.assertRaisesRegex(anlos.Error, "stopped") as caught:
+            imager.image()
+        self.assertEqual(caught.exception.code, -9)
+        with self.assertRaisesRegex(anlos.Error, "stopped"):
+            anlos.Imager(survey, method="backprojection", stop=stop)
+        answer[:] = ["raise"]
+        with self.assertRaises(KeyboardInterrupt):
+            imager.image()
+        answer.clear()
+        self.assert_same(imager.image(), whole)
+
     def test_a_scan(self):
         stage, column = [0.04 * i for i in range(6)], [0.08 * i for i in range(4)]
         survey = anlos.Survey([[0, y, 0] for y in column], [[0.04, y, 0] for y in column],

@@ -519,11 +519,77 @@ static void null_is_refused_by_each_stage(void **state)
     anlos_survey_destroy(s);
 }
 
+static bool says(void *ctx)
+{
+    return *(bool *)ctx;
+}
+
+static void assert_same_image(const struct anlos_image *a, const struct anlos_image *b)
+{
+    assert_memory_equal(a->n, b->n, sizeof a->n);
+    assert_memory_equal(a->intensity, b->intensity,
+                        a->n[0] * a->n[1] * a->n[2] * sizeof(float));
+}
+
+static void an_image_that_is_stopped_can_be_asked_for_again(void **state)
+{
+    (void)state;
+    struct anlos_survey *s = make_survey(POSITIONS);
+    struct anlos_config cfg;
+    struct anlos_pipeline *p;
+    struct anlos_compressor *c;
+    struct anlos_imager *m;
+    struct anlos_traces traces = {.size = sizeof traces};
+    struct anlos_image image = {.size = sizeof image}, whole = {.size = sizeof whole};
+    struct anlos_list list = {.size = sizeof list};
+    bool stops = true;
+
+    anlos_config_init(&cfg);
+    assert_null(cfg.stop);
+    cfg.method = "backprojection";
+    cfg.stop = says;
+    cfg.stop_ctx = &stops;
+    refused(anlos_imager_create(&m, &cfg, s, &why), ANLOS_CANCELED, "stopped");
+    refused(anlos_pipeline_create(&p, &cfg, s, &why), ANLOS_CANCELED, "stopped");
+    assert_null(p);
+    stops = false;
+    ok(anlos_imager_create(&m, &cfg, s, &why));
+    ok(anlos_pipeline_create(&p, &cfg, s, &why));
+    ok(anlos_compressor_create(&c, &cfg, s, &why));
+    for (size_t k = 0; k < POSITIONS * SPEAKERS; k++) {
+        struct anlos_ping ping = make_ping(k / SPEAKERS, k % SPEAKERS);
+        echo(samples, k / SPEAKERS, k % SPEAKERS, 0.01);
+        assert_int_equal(anlos_compressor_ping(c, &ping, &traces, &why), 1);
+        stops = k == POSITIONS * SPEAKERS - 1;
+        ok(anlos_imager_add(m, &traces, &why));
+        if (stops)
+            refused(anlos_pipeline_ping(p, &ping, &why), ANLOS_CANCELED, "stopped");
+        else
+            ok(anlos_pipeline_ping(p, &ping, &why));
+    }
+    refused(anlos_imager_image(m, &image, &why), ANLOS_CANCELED, "stopped");
+    refused(anlos_pipeline_image(p, &whole, &why), ANLOS_NOT_READY, "no image");
+    refused(anlos_pipeline_finish(p, &why), ANLOS_CANCELED, "stopped");
+    stops = false;
+    ok(anlos_imager_image(m, &image, &why));
+    assert_int_equal(anlos_pipeline_finish(p, &why), ANLOS_NEW_IMAGE | ANLOS_NEW_OBJECTS);
+    ok(anlos_pipeline_image(p, &whole, &why));
+    assert_int_equal(whole.pings_used, POSITIONS * SPEAKERS);
+    assert_same_image(&image, &whole);
+    ok(anlos_pipeline_list(p, &list, &why));
+    assert_int_equal(list.n, 1);
+    anlos_imager_destroy(m);
+    anlos_pipeline_destroy(p);
+    anlos_compressor_destroy(c);
+    anlos_survey_destroy(s);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(what_lies_around_is_of_the_same_scan_without_its_last_position),
         cmocka_unit_test(a_scan_by_stages_is_that_of_the_pipeline),
+        cmocka_unit_test(an_image_that_is_stopped_can_be_asked_for_again),
         cmocka_unit_test(a_trace_peaks_at_the_delay_of_its_echo),
         cmocka_unit_test(a_static_array_by_stages_is_that_of_the_pipeline),
         cmocka_unit_test(a_wall_is_found_where_it_is),

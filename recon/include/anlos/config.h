@@ -69,6 +69,14 @@ struct anlos_config {
     int walls;      /* enum anlos_wall_source; ANLOS_WALLS_SURVEY */
     double reach_m; /* 5: how far away walls are looked for */
     double lost_s;  /* 3: without being seen or given */
+
+    /* Ends early what takes long of a scan: to plan for it, and its image.  Asked again
+     * and again meanwhile, in the thread that called, hundreds of times an image; once it
+     * says true, that call returns ANLOS_CANCELED within about a tenth of a second, and
+     * what was fed stays.  It must not call this library with the same handle.  NULL:
+     * nobody is asked. */
+    bool (*stop)(void *stop_ctx);
+    void *stop_ctx;
 };
 
 /* Called through anlos_config_init. */

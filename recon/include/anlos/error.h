@@ -16,7 +16,8 @@ enum anlos_code {
     ANLOS_NOT_READY = -5,   /* something has to come before */
     ANLOS_STALE = -6,       /* older than what is there already */
     ANLOS_NO_THREADS = -7,  /* the system has none left */
-    ANLOS_FAILED = -8       /* anything else */
+    ANLOS_FAILED = -8,      /* anything else */
+    ANLOS_CANCELED = -9     /* stop of the configuration said so */
 };
 
 /* Is the caller's; it never grows. */

@@ -14,8 +14,9 @@ ANLOS_BEGIN
 
 struct anlos_imager; /* opaque */
 
-/* Of the configuration: method, options, threads, and the window and compression that the
- * traces were made with.  ANLOS_UNSUPPORTED: the method cannot do this survey. */
+/* Of the configuration: method, options, threads, stop, and the window and compression
+ * that the traces were made with.  ANLOS_UNSUPPORTED: the method cannot do this survey;
+ * ANLOS_CANCELED. */
 ANLOS_API int anlos_imager_create(struct anlos_imager **out,
                                   const struct anlos_config *cfg,
                                   const struct anlos_survey *survey,
@@ -28,7 +29,7 @@ ANLOS_API int anlos_imager_add(struct anlos_imager *m, const struct anlos_traces
                                struct anlos_error *why);
 
 /* Of what is in, at any time; out->size is set, its intensity good until the next call.
- * ANLOS_NOT_READY: nothing is. */
+ * ANLOS_NOT_READY: nothing is; ANLOS_CANCELED: stopped, and may be asked for again. */
 ANLOS_API int anlos_imager_image(struct anlos_imager *m, struct anlos_image *out,
                                  struct anlos_error *why);
 

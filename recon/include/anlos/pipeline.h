@@ -38,8 +38,8 @@ ANLOS_BEGIN
 struct anlos_pipeline; /* opaque */
 
 /* Checks both and plans; keeps neither.  survey may be NULL: anlos_pipeline_survey says
- * it later.  ANLOS_INVALID, ANLOS_UNSUPPORTED, ANLOS_NO_MEMORY, ANLOS_NO_THREADS.  Some
- * 0.1 s for the paper's scan. */
+ * it later.  ANLOS_INVALID, ANLOS_UNSUPPORTED, ANLOS_NO_MEMORY, ANLOS_NO_THREADS,
+ * ANLOS_CANCELED.  Some 0.1 s for the paper's scan. */
 ANLOS_API int anlos_pipeline_create(struct anlos_pipeline **out,
                                     const struct anlos_config *cfg,
                                     const struct anlos_survey *survey,
@@ -66,7 +66,8 @@ enum anlos_news { /* bits */
 
 /* Returns news, or ANLOS_INVALID (a ping of another survey or shape), ANLOS_NOT_READY (no
  * survey, or no background of this ping was recorded), ANLOS_STALE (its image is older
- * than the one before). */
+ * than the one before), ANLOS_CANCELED (its image was stopped; the ping is in, and
+ * anlos_pipeline_finish images again). */
 ANLOS_API int anlos_pipeline_ping(struct anlos_pipeline *p, const struct anlos_ping *ping,
                                   struct anlos_error *why);
 

@@ -373,14 +373,23 @@ class _Stage:
     """A handle of the library, made of a configuration and a survey."""
 
     def __init__(self, noun, survey, array, config):
-        cfg, _held = _configuration(array, config)
+        self._raised = []  # by `stop`, which C has called
+        cfg, self._held = _configuration(array, config, self._raised)
         out = _ffi.new(f"struct anlos_{noun} **")
         self._noun = noun
-        _call(getattr(_lib, f"anlos_{noun}_create"), out, cfg, survey._p)
+        self._checked(getattr(_lib, f"anlos_{noun}_create"), out, cfg, survey._p)
         self._p = _ffi.gc(out[0], getattr(_lib, f"anlos_{noun}_destroy"))
 
+    def _checked(self, function, *arguments):
+        try:
+            return _call(function, *arguments)
+        except Error:
+            if self._raised:
+                raise self._raised.pop() from None
+            raise
+
     def _call(self, what, *arguments):
-        return _call(getattr(_lib, f"anlos_{self._noun}_{what}"), self._p, *arguments)
+        return self._checked(getattr(_lib, f"anlos_{self._noun}_{what}"), self._p, *arguments)
 
     def _filled(self, what, *which):
         s = _ffi.new(f"struct anlos_{what} *")
@@ -413,19 +422,23 @@ class _Stage:
                        **facts)
 
 
-def _configuration(array, config):
-    """struct anlos_config *, and what has to live as long."""
+def _configuration(array, config, raised):
+    """struct anlos_config *, and what has to live as long as what it is for."""
     cfg = _ffi.new("struct anlos_config *")
     held = [cfg]
     _lib.anlos_config_fill(cfg, _ffi.sizeof(cfg[0]), _choice("array", array))
     fields = dict(_ffi.typeof(cfg[0]).fields)
     for name, value in config.items():
-        if name not in fields or name in ("size", "array", "n_options"):
+        if name not in fields or name in ("size", "array", "n_options", "stop_ctx"):
             raise TypeError(f"{name}: no such field of struct anlos_config")
         if name == "options":
             held.append([_ffi.new("char[]", f"{k}={v}".encode()) for k, v in value.items()])
             held.append(_ffi.new("const char *[]", held[-1]))
             cfg.options, cfg.n_options = held[-1], len(value)
+        elif name == "stop":
+            held.append(_ffi.callback("bool(void *)", lambda _, stop=value: bool(stop()),
+                                      error=True, onerror=lambda _, e, __: raised.append(e)))
+            cfg.stop = held[-1]
         elif name in _ENUMS:
             setattr(cfg, name, _choice(name, value))
         elif isinstance(value, str):
