@@ -10,6 +10,7 @@
 #include "nodes/recon/volume_room.h"
 #include "nodes/rt/launchfile_pipeline.h"
 #include "nodes/rt/process.h"
+#include "nodes/rt/stop.h"
 
 #define REPEAT_NS         2000000000LL /* the last volume, for whoever missed it */
 #define PLAN_S            60.0         /* at most: of a fine volume */
@@ -30,6 +31,13 @@ struct recon {
     Anlos__Volume final;
 };
 
+/* A fine or sharpened image takes longer than a launcher waits. */
+static bool stops(void *unused)
+{
+    (void)unused;
+    return stop_requested();
+}
+
 int recon_create(struct recon **out, struct node *node,
                  const struct scan_imager_config *asked)
 {
@@ -41,6 +49,8 @@ int recon_create(struct recon **out, struct node *node,
     r->node = node;
     r->dropped.count = "traces before the survey";
     cfg.threads = cfg.threads ? cfg.threads : processors_usable();
+    if (node)
+        cfg.stop = stops;
     int err = scan_imager_create(&r->imager, &cfg);
     if (err)
         free(r);
@@ -114,13 +124,16 @@ bool recon_has_new_position(const struct recon *r)
     return scan_imager_has_new_position(r->imager);
 }
 
-void recon_image(struct recon *r, bool preview, Anlos__Volume *out)
+int recon_image(struct recon *r, bool preview, Anlos__Volume *out)
 {
     struct volume volume;
+    int err = scan_imager_image(r->imager, preview, &volume);
 
-    scan_imager_image(r->imager, preview, &volume);
+    if (err)
+        return err;
     volume_room_fit(&volume);
     volume_to_message(&volume, &r->view, out);
+    return 0;
 }
 
 int64_t recon_taken_ns(const struct recon *r)
@@ -137,7 +150,8 @@ static void publish_volume(struct recon *r, Anlos__Volume *v)
 static void publish_final(struct recon *r)
 {
     node_busy(r->node, IMAGE_S);
-    recon_image(r, false, &r->final);
+    if (recon_image(r, false, &r->final))
+        return;
     publish_volume(r, &r->final);
     r->has_final = true;
     r->repeat_due_ns = node_machine_ns(r->node) + REPEAT_NS;
@@ -152,7 +166,8 @@ static int publish_preview(void *self)
     int64_t start = node_machine_ns(r->node);
 
     node_busy(r->node, IMAGE_S);
-    recon_image(r, true, &v);
+    if (recon_image(r, true, &v))
+        return 0;
     publish_volume(r, &v);
     int64_t now = node_machine_ns(r->node);
     int64_t pause = PREVIEW_PAUSE * (now - start);

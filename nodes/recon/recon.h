@@ -46,8 +46,8 @@ int64_t recon_taken_ns(const struct recon *r);   /* when its traces came in */
 bool recon_has_new_position(const struct recon *r);
 
 /* Images what is in.  The message borrows from the recon until the next image;
- * imaging_s is the caller's to set. */
-void recon_image(struct recon *r, bool preview, Anlos__Volume *out);
+ * imaging_s is the caller's to set.  0, or -ECANCELED: the process is to stop. */
+int recon_image(struct recon *r, bool preview, Anlos__Volume *out);
 
 /* A new scan: forget all traces. */
 void recon_reset(struct recon *r);

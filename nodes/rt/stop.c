@@ -119,3 +119,9 @@ bool interrupt_requested(void)
 {
     return requested != 0;
 }
+
+bool interrupt_stops(void *unused)
+{
+    (void)unused;
+    return interrupt_requested();
+}

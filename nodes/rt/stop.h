@@ -41,5 +41,6 @@ bool stop_requested(void);
  * usual); SIGPIPE and SIGXFSZ become errors of the write that caused them. */
 void interrupt_catch(void);
 bool interrupt_requested(void);
+bool interrupt_stops(void *unused); /* the same, as pool_stop_by takes it */
 
 #endif

@@ -757,6 +757,34 @@ static void ctrl_c_stops_between_positions(void **state)
     signal(SIGTERM, SIG_DFL);
 }
 
+/* Back-projection takes seconds, and plans of other methods some tenths. */
+static void ctrl_c_ends_what_is_planned_and_what_is_imaged(void **state)
+{
+    struct fixture *f = *state;
+    struct recon_options o = {.survey = f->survey,
+                              .wav = f->scene,
+                              .method = "backprojection",
+                              .out = f->out,
+                              .threads = 2,
+                              .window = WINDOW_HANN};
+    struct recon_job job;
+    struct error why = {0};
+    interrupt_catch();
+    assert_int_equal(recon_job_open(&job, &o, &why), 0);
+    assert_int_equal(recon_job_plan(&job, &why), 0);
+    assert_false(pool_stopped(job.pool));
+    raise(SIGINT);
+    assert_int_equal(imager_image(job.imager, job.intensity), -ECANCELED);
+    recon_job_clear(&job);
+    assert_int_equal(recon_job_open(&job, &o, &why), 0);
+    assert_int_equal(recon_job_plan(&job, &why), -EINTR);
+    assert_string_equal(why.text, "interrupted");
+    assert_null(job.imager);
+    recon_job_clear(&job);
+    signal(SIGINT, SIG_DFL);
+    signal(SIGTERM, SIG_DFL);
+}
+
 #define test(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
 
 int main(void)
@@ -787,7 +815,8 @@ int main(void)
         test(a_full_disk_ends_with_1_and_leaves_nothing),
         test(wrong_arguments_are_told_with_a_hint),
         test(help_teaches_and_ends_with_0),
-        test(ctrl_c_stops_between_positions), /* last: it has had threads */
+        test(ctrl_c_stops_between_positions), /* these last: they have had threads */
+        test(ctrl_c_ends_what_is_planned_and_what_is_imaged),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -163,10 +163,10 @@ static int backproject(struct confocal_job *job, const struct confocal_scan *s,
     for (size_t q = 0; q < s->nx * s->ny; q++)
         imager_add(im, q, 0, t->traces + q * s->n, NULL);
     stopwatch_lap(&job->stages[RECON_STACK], &now, false);
-    imager_image(im, job->intensity);
+    err = imager_image(im, job->intensity);
     stopwatch_lap(&job->stages[RECON_IMAGE], &now, false);
     imager_destroy(im);
-    return 0;
+    return err;
 }
 
 /* -- any method -------------------------------------------------------------------------
@@ -318,11 +318,11 @@ int confocal_job_run(struct confocal_job *job, const struct recon_options *optio
         if (err)
             error_say(why, err, "%zu threads: %s", options->threads, strerror(-err));
     }
-    if (!err && interrupt_requested())
-        err = error_say(why, -EINTR, "interrupted");
-    if (!err)
+    if (!err) {
+        pool_stop_by(job->pool, interrupt_stops, NULL);
         err = confocal_image(job, &scan, why);
-    if (!err && interrupt_requested())
+    }
+    if (interrupt_requested())
         err = error_say(why, -EINTR, "interrupted");
     if (!err)
         err = detect(job, why);

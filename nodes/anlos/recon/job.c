@@ -134,7 +134,7 @@ static void add_ping(void *ctx, size_t item, size_t thread)
     const struct adding *a = ctx;
     const struct traces_file *t = &a->job->traces;
     (void)thread;
-    if (t->masked[item] || interrupt_requested())
+    if (t->masked[item])
         return; /* lost, and counted as such */
     a->sink->take(a->sink->ctx, item, 0, t->traces + item * t->format.n_samples, NULL);
 }
@@ -311,6 +311,12 @@ static int create_imager(struct recon_job *job, struct error *why)
     return job->intensity ? 0 : error_say(why, -ENOMEM, "out of memory");
 }
 
+/* Whatever else it led to. */
+static int say_interrupted(int err, struct error *why)
+{
+    return interrupt_requested() ? error_say(why, -EINTR, "interrupted") : err;
+}
+
 int recon_job_plan(struct recon_job *job, struct error *why)
 {
     struct stopwatch now = stopwatch_now(false);
@@ -318,6 +324,7 @@ int recon_job_plan(struct recon_job *job, struct error *why)
     if (err)
         return error_say(why, err, "%zu threads: %s", job->options->threads,
                          strerror(-err));
+    pool_stop_by(job->pool, interrupt_stops, NULL);
     if (!job->options->traces) {
         err = create_checks(job, why);
         if (!err)
@@ -330,7 +337,7 @@ int recon_job_plan(struct recon_job *job, struct error *why)
     if (!err && !job->automatic)
         err = keep_traces(job, why);
     stopwatch_lap(&job->stages[RECON_PLAN], &now, false);
-    return err;
+    return say_interrupted(err, why);
 }
 
 /* -- run --------------------------------------------------------------------------------
@@ -363,7 +370,7 @@ static int make_traces(struct recon_job *job, struct error *why)
     struct stopwatch now = stopwatch_now(false);
     recon_traces_add(job, &sink);
     stopwatch_lap(&job->stages[RECON_STACK], &now, false);
-    return interrupt_requested() ? error_say(why, -EINTR, "interrupted") : 0;
+    return say_interrupted(0, why);
 }
 
 /* The traces of another band.  Channels were checked the first time. */
@@ -395,8 +402,7 @@ static int decide(struct recon_job *job, struct error *why)
     }
     if (!err && next == RECON_AUTO_OTHER_BAND)
         err = make_traces_again(job, why);
-    if (!err && interrupt_requested())
-        err = error_say(why, -EINTR, "interrupted");
+    err = say_interrupted(err, why);
     if (err)
         return err;
     struct stopwatch now = stopwatch_now(false);
@@ -434,8 +440,7 @@ static int image_blunt(struct recon_job *job, const struct trace_set *traces, fl
     *out = malloc(grid_size(&p.grid) * sizeof **out);
     if (!*out || trace_set_feed(traces, job->imager, job->pool))
         return error_say(why, -ENOMEM, "out of memory");
-    imager_image(job->imager, *out);
-    return 0;
+    return imager_image(job->imager, *out);
 }
 
 static int find_objects(struct recon_job *job, struct error *why)
@@ -474,7 +479,7 @@ static int find_objects(struct recon_job *job, struct error *why)
     return err;
 }
 
-int recon_job_run(struct recon_job *job, struct error *why)
+static int run(struct recon_job *job, struct error *why)
 {
     int err = make_traces(job, why);
     if (!err && job->automatic)
@@ -486,15 +491,19 @@ int recon_job_run(struct recon_job *job, struct error *why)
                          "%s: no microphone is usable in any position; expected sound",
                          job->options->wav ? job->options->wav : job->options->traces);
     struct stopwatch now = stopwatch_now(false);
-    imager_image(job->imager, job->intensity);
+    err = imager_image(job->imager, job->intensity);
     imager_outcome(job->imager, &job->outcome);
     job->n_pings = imager_pings(job->imager);
     stopwatch_lap(&job->stages[RECON_IMAGE], &now, false);
-    if (interrupt_requested())
-        return error_say(why, -EINTR, "interrupted");
-    err = find_objects(job, why);
+    if (!err)
+        err = find_objects(job, why);
     stopwatch_lap(&job->stages[RECON_DETECT], &now, false);
     return err;
+}
+
+int recon_job_run(struct recon_job *job, struct error *why)
+{
+    return say_interrupted(run(job, why), why);
 }
 
 void recon_job_clear(struct recon_job *job)

@@ -580,6 +580,8 @@ static int process(struct replay *r, struct stream *s, const char *folder,
     err = lists_close(&r->lists, err, why);
     canbus_close(r->can);
     r->can = NULL;
+    if (interrupt_requested())
+        err = error_say(why, -EINTR, "interrupted");
     return err;
 }
 
@@ -652,6 +654,7 @@ static int run(struct replay *r, const struct stopwatch *began, struct error *wh
         err = stream_open(&s, r->options->bag, why);
     if (!err)
         err = choose_walls(r, s, why);
+    r->settings.chain.pipeline.scan.stop = interrupt_stops;
     if (!err)
         err = export_stage_begin(&stage, r->options->out, why);
     if (!err) {

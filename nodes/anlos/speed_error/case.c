@@ -305,7 +305,7 @@ static int make_image(struct automatic *a, float *intensity, struct error *why)
     int err = recon_auto_feed(a->job.automatic, &a->job, why);
     stopwatch_lap(&stages[RECON_STACK], &now, false);
     if (!err)
-        imager_image(a->job.imager, intensity);
+        err = imager_image(a->job.imager, intensity);
     stopwatch_lap(&stages[RECON_IMAGE], &now, false);
     return err;
 }
@@ -491,6 +491,7 @@ static int plan(struct run *r, struct error *why)
     err = pool_create(&r->pool, r->c->threads);
     if (err)
         return error_say(why, err, "%zu threads: %s", r->c->threads, strerror(-err));
+    pool_stop_by(r->pool, interrupt_stops, NULL);
     r->pings_config = (struct bench_pings_config){
         .scene = r->scene,
         .survey = &r->survey,
@@ -540,7 +541,7 @@ static int once(struct run *r, struct bench_cost *cost, struct error *why)
     bench_pings_run(r->pings, &(struct recon_sink){add_to_image, r->imager, NULL},
                     &compress, &stack);
     now = stopwatch_now(false);
-    imager_image(r->imager, r->image.intensity);
+    int err = imager_image(r->imager, r->image.intensity);
     stopwatch_lap(&image, &now, false);
     stopwatch_lap(&all, &began, false);
     cost->compress_s = compress.wall_s;
@@ -548,7 +549,7 @@ static int once(struct run *r, struct bench_cost *cost, struct error *why)
     cost->image_s = image.wall_s;
     cost->total_s = all.wall_s;
     cost->cpu_s = all.cpu_s;
-    return 0;
+    return err;
 }
 
 /* A budget can end in another image each time: time and error are of the same run. */
@@ -575,8 +576,6 @@ static int measure(struct bench_result *out, struct run *r, double patience_s,
     for (int i = 0; !err && i < MAX_RUNS && (!i || spent_s < patience_s); i++) {
         struct bench_cost cost = {0};
         err = once(r, &cost, why);
-        if (!err && interrupt_requested())
-            err = error_say(why, -EINTR, "interrupted");
         cost.plan_s += plan_s;
         if (!err && (!i || cost.total_s < out->cost.total_s))
             err = keep(out, r, &cost, why);
@@ -600,6 +599,8 @@ int bench_case_run(struct bench_result *out, const struct bench_scene *s,
     out->pairs = r.survey.n_speakers * r.survey.n_microphones * r.survey.n_positions;
     if (!err)
         err = measure(out, &r, patience_s, why);
+    if (interrupt_requested())
+        err = error_say(why, -EINTR, "interrupted");
     if (err == -ENOTSUP || err == -EINVAL) {
         out->state = BENCH_IMPOSSIBLE;
         snprintf(out->note, sizeof out->note, "%.180s", why->text);

@@ -400,7 +400,7 @@ static int run_seeds(struct bench_noise *b, struct bench_trials *t, const double
     while (b->n_seeds < n_seeds && !interrupt_requested()) {
         bench_trials_noise(t, b->n_seeds);
         for (size_t m = 0; m < b->n_methods; m++)
-            for (size_t i = 0; i < b->n_levels; i++)
+            for (size_t i = 0; i < b->n_levels && !interrupt_requested(); i++)
                 add_errors(
                     b, m, i, grid,
                     bench_trials_image(t, m, 1.0, rms * pow(10.0, -b->snr_db[i] / 20.0)),
@@ -412,7 +412,7 @@ static int run_seeds(struct bench_noise *b, struct bench_trials *t, const double
             b->lateral_m[m][i] = sqrt(b->lateral_m[m][i] / (double)b->n_seeds);
             b->depth_m[m][i] = sqrt(b->depth_m[m][i] / (double)b->n_seeds);
         }
-    return b->n_seeds < n_seeds ? error_say(why, -EINTR, "interrupted") : 0;
+    return interrupt_requested() ? error_say(why, -EINTR, "interrupted") : 0;
 }
 
 int bench_noise_run(struct bench_noise *out, const struct bench_scene *point,
