@@ -5,6 +5,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "nodes/rt/uri.h"
+
 #define PROBE_NS  1000000000LL
 #define RECENT_NS 5000000000LL
 
@@ -105,6 +107,15 @@ static int send_frame(struct outbox *o, const struct can_frame_data *frame)
     return err;
 }
 
+/* err: 0, or one that will not go by. */
+static void count_lost(struct outbox *o, int err)
+{
+    if (!err || err == -EAGAIN)
+        return;
+    o->lost++;
+    o->lost_for = err;
+}
+
 static bool send_cyclic(struct outbox *o, enum outbox_cyclic kind)
 {
     int err = send_frame(o, &o->cyclic[kind]);
@@ -112,7 +123,8 @@ static bool send_cyclic(struct outbox *o, enum outbox_cyclic kind)
     if (err == -EAGAIN)
         return false;
     if (!err)
-        o->error = canbus_flush(o->bus);
+        err = o->error = canbus_flush(o->bus);
+    count_lost(o, err);
     o->waits[kind] = false;
     return true;
 }
@@ -135,6 +147,7 @@ static bool send_list(struct outbox *o)
     if (!err)
         err = o->error = canbus_flush(o->bus);
     if (err && err != -EAGAIN) {
+        count_lost(o, err);
         drop(o, 0, err);
         return true;
     }
@@ -222,6 +235,16 @@ bool outbox_well(const struct outbox *o, char *text, size_t size)
         snprintf(text, size, "lists come faster than the bus takes them: %llu dropped",
                  (unsigned long long)o->dropped);
     return false;
+}
+
+bool outbox_log_lacks(const struct outbox *o, char *text, size_t size)
+{
+    if (!o->lost || uri_has_scheme(canbus_uri(o->bus), "socketcan"))
+        return false;
+    snprintf(text, size,
+             "the log is not whole, %llu lists and frames are missing: %s (%s)",
+             (unsigned long long)o->lost, reason(o->lost_for), canbus_uri(o->bus));
+    return true;
 }
 
 void outbox_counts(const struct outbox *o, struct device_count out[OUTBOX_COUNTS])

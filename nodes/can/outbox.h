@@ -44,6 +44,8 @@ struct outbox {
     unsigned wait_ms;
     int error; /* of the last frame, when it is not of the bus: a full disk */
     uint64_t sent, dropped, cut_off;
+    uint64_t lost;      /* lists and frames that such an error cost, */
+    int lost_for;       /* the newest of them */
     uint64_t truncated; /* of those sent */
 };
 
@@ -67,6 +69,10 @@ unsigned outbox_wait_ms(const struct outbox *o);
 
 /* False: text says what is wrong. */
 bool outbox_well(const struct outbox *o, char *text, size_t size);
+
+/* A log that lacks something: text says how much and why.  false: it is whole, or this
+ * is a bus, where a receiver misses what did not come. */
+bool outbox_log_lacks(const struct outbox *o, char *text, size_t size);
 
 void outbox_counts(const struct outbox *o, struct device_count out[OUTBOX_COUNTS]);
 

@@ -466,6 +466,7 @@ static int finish(void *self, int err)
     struct vehicle *v = self;
     const struct clock_source *clock = clock_system();
     int64_t end = node_machine_ns(v->node) + FINISH_NS;
+    char text[PATH_MAX + 256];
 
     outbox_step(&v->outbox);
     while (outbox_busy(&v->outbox) && node_machine_ns(v->node) < end) {
@@ -476,9 +477,13 @@ static int finish(void *self, int err)
     if (v->outbox.n_lists)
         node_log(v->node, LOG_LEVEL_WARNING, "lists that did not go out: %zu",
                  v->outbox.n_lists);
-    if ((!err || err == -ESHUTDOWN) && !node_is_replayed(v->node))
+    bool ends_well = !err || err == -ESHUTDOWN;
+    if (ends_well && !node_is_replayed(v->node))
         say_shutdown(v);
-    return err;
+    if (!outbox_log_lacks(&v->outbox, text, sizeof text))
+        return err;
+    node_log(v->node, LOG_LEVEL_ERROR, "%s", text);
+    return ends_well ? NODE_TOLD : err;
 }
 
 _Static_assert(CANBUS_MAX_COUNTS + OUTBOX_COUNTS + INBOX_COUNTS + SAVING_COUNTS + 4 +

@@ -187,9 +187,9 @@ static inline void open_world(struct world *w, struct scratch *s)
     alone_start_program(&w->can, BINARY_DIR "/tests/held_can", s->folder, "can", launch);
 }
 
-static inline void close_world(struct world *w)
+static inline void close_world(struct world *w, int exit_code)
 {
-    alone_stop(&w->can);
+    alone_end(&w->can, exit_code);
     can_log_read(&w->log, w->path);
     fclose(w->log.file);
     bus_destroy(w->array);

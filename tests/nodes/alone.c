@@ -135,12 +135,17 @@ char *alone_log(const struct alone *a)
 
 void alone_stop(struct alone *a)
 {
+    alone_end(a, 0);
+}
+
+void alone_end(struct alone *a, int exit_code)
+{
     int status;
 
     kill(a->pid, SIGTERM);
     assert_int_equal(waitpid(a->pid, &status, 0), a->pid);
     assert_true(WIFEXITED(status));
-    assert_int_equal(WEXITSTATUS(status), 0);
+    assert_int_equal(WEXITSTATUS(status), exit_code);
     bus_destroy(a->listener);
     if (a->health)
         protobuf_c_message_free_unpacked(&a->health->base, NULL);

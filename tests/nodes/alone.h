@@ -50,6 +50,7 @@ char *alone_log(const struct alone *a);
 
 /* Asks it to stop, waits for that, and asserts that it ended as it should. */
 void alone_stop(struct alone *a);
+void alone_end(struct alone *a, int exit_code); /* the same, with another exit code */
 
 /* A bumper of 4 speakers and 16 microphones before a wall 0.8 m away, and an image of a
  * lane behind it.  Borrows from what is static. */

@@ -154,6 +154,20 @@ static void when_the_report_is_written_all_others_are_stopped(void **state)
     assert_contains(r->text, "scan    info    stopped");
 }
 
+static void a_node_whose_output_is_not_whole_makes_the_exit_code_1(void **state)
+{
+    struct rig *r = *state;
+
+    write_launch(r, "can, report");
+    write_node(r, "can",
+               "trap 'echo error the log is not whole; kill $!; exit 1' TERM\n"
+               "echo go > $D/go\n" STAY);
+    write_node(r, "report", "read x < $D/go; exit 0");
+    start(r);
+    assert_int_equal(finish(r), 1);
+    assert_contains(r->text, "the log is not whole");
+}
+
 static void lines_carry_node_and_level(void **state)
 {
     struct rig *r = *state;
@@ -817,6 +831,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         TEST(when_the_report_is_written_all_others_are_stopped),
+        TEST(a_node_whose_output_is_not_whole_makes_the_exit_code_1),
         TEST(lines_carry_node_and_level),
         TEST(a_line_of_a_node_keeps_its_own_stamp),
         TEST(a_line_that_is_too_long_comes_in_whole_pieces),

@@ -678,6 +678,31 @@ static void an_error_that_is_not_of_the_bus_costs_the_list_and_is_said(void **st
     assert_int_equal(count_of(r, "lists_sent"), 1);
 }
 
+static void a_log_that_lacked_room_is_not_whole_though_there_is_room_again(void **state)
+{
+    struct rig *r = *state;
+    char text[256];
+
+    put(r, 1, 1);
+    step(r, 1);
+    assert_false(outbox_log_lacks(&r->outbox, text, sizeof text));
+    r->bus.flush_result = -ENOSPC;
+    put(r, 2, 1);
+    step(r, 1);
+    put_status(r, 1);
+    step(r, 1);
+    r->bus.flush_result = 0;
+    put(r, 3, 1);
+    step(r, 6000);
+    assert_true(outbox_well(&r->outbox, text, sizeof text));
+    assert_true(outbox_log_lacks(&r->outbox, text, sizeof text));
+    assert_string_equal(
+        text,
+        "the log is not whole, 2 lists and frames are missing: the log cannot be "
+        "written, its disk is full: make room there, or name another log in can.uri "
+        "(log:out/x.candump)");
+}
+
 #define TEST(f) cmocka_unit_test_setup_teardown(f, setup, teardown)
 
 int main(void)
@@ -707,6 +732,7 @@ int main(void)
         TEST(every_frame_that_goes_out_counts_once),
         TEST(a_diagnosis_goes_beside_the_status),
         TEST(an_error_that_is_not_of_the_bus_costs_the_list_and_is_said),
+        TEST(a_log_that_lacked_room_is_not_whole_though_there_is_room_again),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

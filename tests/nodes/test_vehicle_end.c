@@ -7,6 +7,7 @@
 
 #include "msgs/can/frames.h"
 #include "nodes/can/vehicle.h"
+#include "nodes/rt/stop.h"
 
 /* Status frames of a log, and those of them that say so. */
 static void count(const char *path, size_t *statuses, size_t *shutdowns)
@@ -76,6 +77,30 @@ static void in_a_replay_nothing_is_said_that_was_not_recorded(void **state)
     assert_int_equal(end(*state, true, -ESHUTDOWN), 0);
 }
 
+/* /dev/full takes nothing, as a disk that is full. */
+static void one_whose_log_is_not_whole_has_failed(void **state)
+{
+    struct scratch *s = *state;
+    char launch[512], text[300];
+    struct error why = {""};
+    struct vehicle *v = NULL;
+    struct node *n;
+
+    snprintf(text, sizeof text,
+             "nodes: [track, can]\ncan: {uri: 'log:/dev/full'}\nreport: {folder: %s}\n",
+             s->folder);
+    snprintf(launch, sizeof launch, "%s", scratch_write(s, "can.yaml", text));
+    const struct arguments arguments = {
+        .launch = launch, .run_dir = s->folder, .log_level = LOG_LEVEL_ERROR};
+    if (node_start(&n, "can", &arguments, &why) || vehicle_open(&v, n, &why))
+        fail_msg("%s", why.text);
+    assert_int_equal(vehicle_loop.timers[0].run(v), 0);
+    int err = vehicle_loop.end(v, -ESHUTDOWN);
+    assert_int_equal(err, NODE_TOLD);
+    vehicle_loop.close(v);
+    assert_int_equal(node_finish(n, err), EXIT_FAILED);
+}
+
 #define TEST(name) cmocka_unit_test_setup_teardown(name, scratch_open, scratch_close)
 
 int main(void)
@@ -84,6 +109,7 @@ int main(void)
         TEST(one_that_was_stopped_in_order_says_so_more_than_once),
         TEST(one_that_fails_says_nothing_of_order),
         TEST(in_a_replay_nothing_is_said_that_was_not_recorded),
+        TEST(one_whose_log_is_not_whole_has_failed),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
