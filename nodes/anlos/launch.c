@@ -58,21 +58,26 @@ static int check_recording(const struct launchfile *l, const struct arguments *a
     return a->record ? parts_init(&parts, l->record.path, split, why) : 0;
 }
 
-/* What is needed of the machine, once the runtime directory is ours. */
-static int prepare_host(const struct launchfile *l, struct error *why)
+/* What is needed of the machine, once the runtime directory is ours.  *results: the lock
+ * of the folder of results, -1: there is none. */
+static int prepare_host(const struct launchfile *l, int *results, struct error *why)
 {
     int err = 0;
 
+    *results = -1;
     if (priority_wanted(l) && l->processes.realtime == REALTIME_REQUIRED)
         err = priority_permitted(why);
-    if (!err && launchfile_runs_here(l, "report"))
+    if (!err && launchfile_runs_here(l, "report")) {
         err = export_folder(l->report.folder, why);
+        if (!err)
+            err = site_lock_results(results, l->report.folder, why);
+    }
     return err;
 }
 
-/* After 0: site_close, launchfile_destroy; else the latter alone. */
+/* After 0: site_unlock_results, site_close, launchfile_destroy; else the latter alone. */
 static int prepare(struct launchfile **launch, const struct arguments *a,
-                   char run_dir[RUNDIR_SIZE], struct error *why)
+                   char run_dir[RUNDIR_SIZE], int *results, struct error *why)
 {
     const struct launchfile_options options = {.out = a->out,
                                                .bag = a->bag,
@@ -92,7 +97,7 @@ static int prepare(struct launchfile **launch, const struct arguments *a,
         err = site_open(*launch, a, run_dir, why);
     if (err)
         return err;
-    err = prepare_host(*launch, why);
+    err = prepare_host(*launch, results, why);
     if (err)
         site_close(*launch, run_dir);
     return err;
@@ -155,7 +160,7 @@ int command_launch(int argc, char **argv)
     struct error why = {""};
     struct launchfile *launch = NULL;
     char run_dir[RUNDIR_SIZE], bin_dir[4096];
-    int code = EXIT_BAD_INPUT;
+    int code = EXIT_BAD_INPUT, results;
     bool reported = false;
     int err = arguments_parse(&args, argc, argv, &why);
 
@@ -173,7 +178,7 @@ int command_launch(int argc, char **argv)
     if (!err && (err = program_folder(bin_dir, sizeof bin_dir)))
         error_say(&why, err, "the folder of this program: %s", strerror(-err));
     if (!err)
-        err = prepare(&launch, &args, run_dir, &why);
+        err = prepare(&launch, &args, run_dir, &results, &why);
     if (err) {
         fprintf(stderr, "anlos launch: %s\n", why.text);
     } else {
@@ -184,6 +189,7 @@ int command_launch(int argc, char **argv)
                                             .launch_file = site_launch_file(launch)};
         heap_share();
         code = launcher_run(&cfg, &reported);
+        site_unlock_results(results, launch->report.folder);
         site_close(launch, run_dir);
         if (reported)
             print_results(launch);

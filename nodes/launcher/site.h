@@ -20,6 +20,13 @@ int site_open(const struct launchfile *l, const struct arguments *a,
 /* When all has ended: takes away what it wrote, unless another launcher runs there. */
 void site_close(const struct launchfile *l, const char *run_dir);
 
+/* The lock of the folder of results, which is there: two systems that write into it mix
+ * theirs.  It goes with the process, however that ends.  Where the file
+ * system has no locks everybody gets it.  *out: to be given back.  0, -EADDRINUSE
+ * (another launcher has it), other negative errno. */
+int site_lock_results(int *out, const char *folder, struct error *why);
+void site_unlock_results(int lock, const char *folder);
+
 /* A hash of the launch file's bytes; 0: it cannot be read. */
 uint64_t site_launch_file(const struct launchfile *l);
 

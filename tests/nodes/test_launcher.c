@@ -154,6 +154,55 @@ static void when_the_report_is_written_all_others_are_stopped(void **state)
     assert_contains(r->text, "scan    info    stopped");
 }
 
+/* `anlos launch` of the same file, to the same folder of results, in a run folder of its
+ * own; what it says is in the scratch folder's "second". */
+static int launch_beside(const struct rig *r)
+{
+    char launch[128], run_dir[128], out_dir[128], says[128];
+    int status;
+    pid_t pid;
+
+    snprintf(launch, sizeof launch, "%s/launch.yaml", r->scratch->folder);
+    snprintf(run_dir, sizeof run_dir, "%s/beside", r->scratch->folder);
+    snprintf(out_dir, sizeof out_dir, "%s/out", r->scratch->folder);
+    snprintf(says, sizeof says, "%s/second", r->scratch->folder);
+    pid = fork();
+    assert_true(pid >= 0);
+    if (!pid) {
+        if (!freopen(says, "w", stderr))
+            _exit(98);
+        setenv("ANLOS_BIN_DIR", r->scratch->folder, 1);
+        execl(BINARY_DIR "/bin/anlos", "anlos", "launch", launch, "--run-dir", run_dir,
+              "--out", out_dir, NULL);
+        _exit(99);
+    }
+    assert_int_equal(waitpid(pid, &status, 0), pid);
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+}
+
+static void a_second_system_does_not_write_into_the_same_results(void **state)
+{
+    struct rig *r = *state;
+    char line[512] = "";
+
+    write_launch(r, "scan, report");
+    write_node(r, "scan", TRAP "echo it runs\n" STAY);
+    write_node(r, "report", "read x < $D/go; exit 0");
+    start(r);
+    read_until(r, "it runs");
+    assert_int_equal(launch_beside(r), 2);
+    FILE *f = fopen(scratch_path(r->scratch, "second"), "r");
+    assert_non_null(f);
+    assert_non_null(fgets(line, sizeof line, f));
+    fclose(f);
+    assert_contains(line, "/out: another system writes its results there");
+    f = fopen(scratch_path(r->scratch, "go"), "w");
+    assert_non_null(f);
+    fputs("go\n", f);
+    fclose(f);
+    assert_int_equal(finish(r), 0);
+}
+
 static void a_node_whose_output_is_not_whole_makes_the_exit_code_1(void **state)
 {
     struct rig *r = *state;
@@ -831,6 +880,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         TEST(when_the_report_is_written_all_others_are_stopped),
+        TEST(a_second_system_does_not_write_into_the_same_results),
         TEST(a_node_whose_output_is_not_whole_makes_the_exit_code_1),
         TEST(lines_carry_node_and_level),
         TEST(a_line_of_a_node_keeps_its_own_stamp),

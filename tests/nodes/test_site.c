@@ -76,6 +76,36 @@ static void what_the_next_launcher_wrote_is_left_alone(void **state)
     close(next);
 }
 
+static void a_folder_of_results_is_one_launchers(void **state)
+{
+    struct scratch *s = *state;
+    struct error why = {""};
+    int first, second = -1;
+
+    assert_int_equal(site_lock_results(&first, s->folder, NULL), 0);
+    assert_int_equal(site_lock_results(&second, s->folder, &why), -EADDRINUSE);
+    assert_non_null(strstr(why.text, "another system writes its results there"));
+    assert_non_null(strstr(why.text, s->folder));
+    assert_non_null(strstr(why.text, "--out"));
+    site_unlock_results(first, s->folder);
+    assert_int_equal(access(scratch_path(s, ".anlos-launch.lock"), F_OK), -1);
+    assert_int_equal(site_lock_results(&second, s->folder, &why), 0);
+    site_unlock_results(second, s->folder);
+}
+
+/* Of one that was killed, or that lies on a disk which was full. */
+static void a_lock_that_was_left_there_is_nobodys(void **state)
+{
+    struct scratch *s = *state;
+    int lock;
+
+    scratch_write(s, ".anlos-launch.lock", "1\n");
+    assert_int_equal(site_lock_results(&lock, s->folder, NULL), 0);
+    site_unlock_results(lock, s->folder);
+    assert_int_equal(access(scratch_path(s, ".anlos-launch.lock"), F_OK), -1);
+    site_unlock_results(-1, s->folder);
+}
+
 #define TEST(f) cmocka_unit_test_setup_teardown(f, scratch_open, scratch_close)
 
 int main(void)
@@ -84,6 +114,8 @@ int main(void)
         TEST(the_hosts_playback_publisher_the_run_folder_while_it_runs),
         TEST(the_launch_file_is_known_in_the_run_folder_while_it_runs),
         TEST(what_the_next_launcher_wrote_is_left_alone),
+        TEST(a_folder_of_results_is_one_launchers),
+        TEST(a_lock_that_was_left_there_is_nobodys),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
