@@ -401,8 +401,8 @@ static int write_results(const struct falloff *f, struct error *why)
         err = draw(f, stage.path, why);
     if (!err)
         err = export_stage_commit(&stage, why);
-    else
-        export_stage_abandon(&stage);
+    if (err)
+        export_stage_abandon(&stage, why);
     if (!err)
         printf("%s: falloff.csv, falloff.svg, falloff.png\n", f->out);
     return err;

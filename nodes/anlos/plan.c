@@ -487,7 +487,7 @@ static int write_into(const char *out, const struct scan_plan *p,
         err = draw(stage.path, true, p, why);
     if (!err)
         return export_stage_commit(&stage, why);
-    export_stage_abandon(&stage);
+    export_stage_abandon(&stage, why);
     return err;
 }
 

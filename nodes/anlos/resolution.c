@@ -170,7 +170,7 @@ static int draw_into(const char *out, const struct subject *x, struct error *why
     err = draw(stage.path, x, why);
     if (!err)
         return export_stage_commit(&stage, why);
-    export_stage_abandon(&stage);
+    export_stage_abandon(&stage, why);
     return err;
 }
 

@@ -293,7 +293,7 @@ static int sim_job_run(const struct sim_options *options, bool *bad_input,
         if (!err)
             err = export_stage_commit(&job->stage, why);
         if (err)
-            export_stage_abandon(&job->stage);
+            export_stage_abandon(&job->stage, why);
     }
     clear_workers(job);
     pthread_mutex_destroy(&job->lock);

@@ -464,14 +464,14 @@ int report_write(const struct report *r, const char *folder, struct error *why)
         return err;
     err = write_report(r, stage.path, why);
     if (err) {
-        export_stage_abandon(&stage);
+        export_stage_abandon(&stage, why);
         return err;
     }
     int missing = write_files(r, stage.path, failed, sizeof failed);
     remove_older(folder, stage.path);
     err = export_stage_commit(&stage, why);
     if (err) {
-        export_stage_abandon(&stage);
+        export_stage_abandon(&stage, why);
         return err;
     }
     return missing ? error_say(why, missing, "%s: cannot be written: %s: %s", folder,

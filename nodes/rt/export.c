@@ -308,8 +308,21 @@ int export_stage_commit(struct export_stage *stage, struct error *why)
     return err;
 }
 
-void export_stage_abandon(struct export_stage *stage)
+/* What is said is read when the stage has gone, by somebody who never named it. */
+static void name_folder(const struct export_stage *stage, struct error *why)
 {
+    size_t from = strlen(stage->path), to = strlen(stage->folder); /* which is shorter */
+
+    for (char *at = why->text; (at = strstr(at, stage->path)); at += to) {
+        memcpy(at, stage->folder, to);
+        memmove(at + to, at + from, strlen(at + from) + 1);
+    }
+}
+
+void export_stage_abandon(struct export_stage *stage, struct error *why)
+{
+    if (why)
+        name_folder(stage, why);
     each_entry(stage->path, remove_entry, NULL);
     rmdir(stage->path);
     unlock_folder(stage->lock);

@@ -521,13 +521,26 @@ static void an_abandoned_stage_takes_the_folders_that_it_made(void **state)
     assert_int_equal(mkdir(below, 0777), 0);
     assert_int_equal(export_json(below, "x.json", j, &why), 0);
     json_decref(j);
-    export_stage_abandon(&stage);
+    export_stage_abandon(&stage, NULL);
     assert_int_equal(count_files(f->folder), 0);
 
     assert_int_equal(export_stage_begin(&stage, f->folder, &why), 0);
-    export_stage_abandon(&stage);
+    export_stage_abandon(&stage, NULL);
     struct stat st;
     assert_int_equal(stat(f->folder, &st), 0); /* it was there before */
+}
+
+/* Its own folder has gone when somebody reads that, who never named it. */
+static void an_error_names_the_folder_that_was_asked_for(void **state)
+{
+    struct fixture *f = *state;
+    struct error why = {0}, expected;
+    struct export_stage stage;
+    assert_int_equal(export_stage_begin(&stage, f->folder, NULL), 0);
+    error_say(&why, -ENOSPC, "%s/a.json and %s/deep/b: full", stage.path, stage.path);
+    error_say(&expected, -ENOSPC, "%s/a.json and %s/deep/b: full", f->folder, f->folder);
+    export_stage_abandon(&stage, &why);
+    assert_string_equal(why.text, expected.text);
 }
 
 /* Begins a stage in a process of its own, with a file and a folder in it, and kills it.
@@ -560,7 +573,7 @@ static void what_a_killed_process_left_is_removed_by_the_next(void **state)
     assert_int_equal(count_files(f->folder), 1);
     assert_int_equal(export_stage_begin(&stage, f->folder, NULL), 0);
     assert_int_equal(count_files(f->folder), 1); /* its own */
-    export_stage_abandon(&stage);
+    export_stage_abandon(&stage, NULL);
     assert_int_equal(count_files(f->folder), 0);
 }
 
@@ -573,7 +586,7 @@ static void a_stage_that_lives_is_no_leftover(void **state)
     assert_int_equal(export_stage_begin(&second, f->folder, NULL), 0);
     assert_int_equal(export_json(first.path, "x.json", j, NULL), 0);
     assert_int_equal(export_stage_commit(&first, NULL), 0);
-    export_stage_abandon(&second);
+    export_stage_abandon(&second, NULL);
     assert_int_equal(count_files(f->folder), 1);
     json_decref(j);
 }
@@ -593,7 +606,7 @@ static void a_link_with_a_stages_name_is_left_alone(void **state)
     assert_int_equal(export_json(elsewhere, "x.json", j, NULL), 0);
     assert_int_equal(symlink(elsewhere, link), 0);
     assert_int_equal(export_stage_begin(&stage, folder, NULL), 0);
-    export_stage_abandon(&stage);
+    export_stage_abandon(&stage, NULL);
     assert_int_equal(count_files(elsewhere), 1);
     json_decref(j);
 }
@@ -627,6 +640,8 @@ int main(void)
         cmocka_unit_test_setup_teardown(
             a_stage_shows_its_files_at_commit_and_replaces_older_ones, set_up, tear_down),
         cmocka_unit_test_setup_teardown(an_abandoned_stage_takes_the_folders_that_it_made,
+                                        set_up, tear_down),
+        cmocka_unit_test_setup_teardown(an_error_names_the_folder_that_was_asked_for,
                                         set_up, tear_down),
         cmocka_unit_test_setup_teardown(what_a_killed_process_left_is_removed_by_the_next,
                                         set_up, tear_down),

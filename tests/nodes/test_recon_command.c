@@ -676,6 +676,7 @@ static void a_full_disk_ends_with_1_and_leaves_nothing(void **state)
     command_run(&r, recon_with_a_full_disk, words);
     assert_int_equal(r.code, 1);
     assert_non_null(strstr(r.err, f->out));
+    assert_null(strstr(r.err, ".unfinished"));
     snprintf(parent, sizeof parent, "%s/out", f->folder);
     assert_false(exists(parent));
 }

@@ -288,7 +288,7 @@ static int write_png(const struct image *i, const struct export_options *o,
     if (!err)
         err = export_stage_commit(&stage, why);
     if (err)
-        export_stage_abandon(&stage);
+        export_stage_abandon(&stage, why);
     return err;
 }
 

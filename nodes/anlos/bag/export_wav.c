@@ -558,7 +558,7 @@ static int write_set(struct wav_set *w, struct stream *s, const char *out,
     if (!err)
         err = export_stage_commit(&w->stage, why);
     if (err)
-        export_stage_abandon(&w->stage);
+        export_stage_abandon(&w->stage, why);
     else
         say(w, out);
     return err;

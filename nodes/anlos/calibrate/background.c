@@ -185,7 +185,7 @@ static int record_all(struct recorder *r)
     if (!err)
         err = export_stage_commit(&r->folder, &s->why);
     if (err)
-        export_stage_abandon(&r->folder);
+        export_stage_abandon(&r->folder, &s->why);
     return err;
 }
 

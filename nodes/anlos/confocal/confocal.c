@@ -414,7 +414,7 @@ int confocal_run(const struct recon_options *options, const struct stopwatch *be
     if (!err)
         err = export_stage_commit(&stage, &why);
     if (err) {
-        export_stage_abandon(&stage);
+        export_stage_abandon(&stage, &why);
         fprintf(stderr, "anlos recon: %s\n", why.text);
     } else {
         print_summary(&job);

@@ -421,7 +421,7 @@ static int run(const struct request *q)
         if (!err && o->out)
             err = write_files(&job, &stage, &why);
         if (err && o->out)
-            export_stage_abandon(&stage);
+            export_stage_abandon(&stage, &why);
     }
     if (!err) {
         warn(&job);

@@ -73,7 +73,7 @@ static int run(const struct recon_options *o, const struct stopwatch *began)
     if (!err) {
         err = run_in_stage(&job, &stage, began, &bad_input, &why);
         if (err)
-            export_stage_abandon(&stage);
+            export_stage_abandon(&stage, &why);
         else
             recon_report_print(&job);
     }

@@ -660,7 +660,7 @@ static int run(struct replay *r, const struct stopwatch *began, struct error *wh
     if (!err) {
         err = run_in_stage(r, s, &stage, began, why);
         if (err)
-            export_stage_abandon(&stage);
+            export_stage_abandon(&stage, why);
     }
     stream_close(s);
     return err;
