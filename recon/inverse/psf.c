@@ -103,23 +103,26 @@ static double level_at(const struct psf_config *cfg, const struct pair *pairs, s
 }
 
 /* intensity [nz][ny][nx] of the point's image, 1 at the point: all pairs summed with
- * their phase in double precision.  0, -ENOMEM. */
+ * their phase in double precision.  0, -ENOMEM, -ECANCELED. */
 static int sample_image(const struct psf_config *cfg, const struct grid *grid,
                         float *intensity)
 {
     struct pair *pairs;
     size_t n;
     int err = list_pairs(&pairs, &n, cfg);
+    if (err)
+        return err;
     for (size_t v = 0; !err && v < grid_size(grid); v++) {
         size_t at[3];
         double m[3];
+        if (cfg->stop && cfg->stop(cfg->stop_ctx))
+            err = -ECANCELED;
         grid_place(grid, v, at);
         for (int d = 0; d < 3; d++)
             m[d] = grid->origin_m[d] + grid->step_m[d] * (double)at[d];
         intensity[v] = (float)level_at(cfg, pairs, n, m);
     }
-    if (!err)
-        free(pairs);
+    free(pairs);
     return err;
 }
 

@@ -42,7 +42,9 @@ struct psf_config { /* a point that all pairs see, each midpoint counted once */
     const struct geometry *geometry;
     double band_hz[2]; /* Hann-windowed */
     double at_m[3];
-    size_t n_pairs; /* at most so many are summed, spread evenly; 0: all */
+    size_t n_pairs;          /* at most so many are summed, spread evenly; 0: all */
+    bool (*stop)(void *ctx); /* asked by psf_compute before each voxel; NULL: nobody is */
+    void *stop_ctx;
 };
 
 /* In closed form: exp(-1/2 d' C^-1 d) with the curvature that the amplitude has at the
@@ -52,7 +54,7 @@ int psf_curvature(const struct psf_config *cfg, double covariance_m2[6]);
 
 /* The fit to the point's image, all pairs summed with their phase in double precision, on
  * a grid made for it.  *grid and *intensity ([nz][ny][nx], 1 at the point; free it) may
- * be NULL.  0, -ERANGE (fewer than two axes are resolved), -ENOMEM. */
+ * be NULL.  0, -ERANGE (fewer than two axes are resolved), -ENOMEM, -ECANCELED (stop). */
 int psf_compute(struct psf *out, const struct psf_config *cfg, struct grid *grid,
                 float **intensity);
 

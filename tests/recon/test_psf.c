@@ -270,7 +270,8 @@ static void an_array_s_curvature_is_the_spread_of_its_wave_vectors(void **state)
     double pings_m[NX * NY][2][3], covariance_m2[6];
     struct geometry g;
     array_create(&g, pings_m);
-    const struct psf_config cfg = {&g, {2000.0, 20000.0}, {0.0, 0.0, FAR_M}, 0};
+    const struct psf_config cfg = {
+        .geometry = &g, .band_hz = {2000.0, 20000.0}, .at_m = {0.0, 0.0, FAR_M}};
     double turns = 4.0 * M_PI / 343.0, hann = 1.0 / 12.0 - 0.5 / (M_PI * M_PI);
     double f2 = 11000.0 * 11000.0 + hann * 18000.0 * 18000.0;
     double across = turns * turns * f2 * 0.05 * 0.05 / (12.0 * FAR_M * FAR_M);
@@ -293,7 +294,8 @@ static void the_fit_to_an_array_s_image_is_near_its_curvature(void **state)
     struct psf p;
     float *intensity;
     array_create(&g, pings_m);
-    const struct psf_config cfg = {&g, {2000.0, 20000.0}, {0.4, -0.3, FAR_M}, 0};
+    const struct psf_config cfg = {
+        .geometry = &g, .band_hz = {2000.0, 20000.0}, .at_m = {0.4, -0.3, FAR_M}};
     assert_int_equal(psf_curvature(&cfg, covariance_m2), 0);
     assert_int_equal(psf_compute(&p, &cfg, &grid, &intensity), 0);
     expect_covariance(p.covariance_m2, covariance_m2, 0.15);
@@ -324,6 +326,31 @@ static void a_stage_that_goes_on_has_the_widths_of_one_that_stands(void **state)
         assert_near(goes_on_m[a] / stands_m[a], 1.0, 0.05);
 }
 
+static bool third_time(void *ctx)
+{
+    return ++*(int *)ctx == 3;
+}
+
+static void who_waits_for_a_fit_can_stop_it(void **state)
+{
+    (void)state;
+    double pings_m[NX * NY][2][3];
+    struct geometry g;
+    struct grid grid;
+    struct psf p;
+    float *intensity = NULL;
+    int asked = 0;
+    array_create(&g, pings_m);
+    const struct psf_config cfg = {.geometry = &g,
+                                   .band_hz = {2000.0, 20000.0},
+                                   .at_m = {0.4, -0.3, FAR_M},
+                                   .stop = third_time,
+                                   .stop_ctx = &asked};
+    assert_int_equal(psf_compute(&p, &cfg, &grid, &intensity), -ECANCELED);
+    assert_int_equal(asked, 3);
+    assert_null(intensity);
+}
+
 static void an_array_that_resolves_no_axis_says_so(void **state)
 {
     (void)state;
@@ -332,7 +359,8 @@ static void an_array_that_resolves_no_axis_says_so(void **state)
     struct psf p;
     array_create(&g, pings_m);
     g.n_positions = 1;
-    const struct psf_config cfg = {&g, {2000.0, 20000.0}, {0.0, 0.0, FAR_M}, 0};
+    const struct psf_config cfg = {
+        .geometry = &g, .band_hz = {2000.0, 20000.0}, .at_m = {0.0, 0.0, FAR_M}};
     assert_int_equal(psf_curvature(&cfg, covariance_m2), -ERANGE);
     assert_int_equal(psf_compute(&p, &cfg, NULL, NULL), -ERANGE);
 }
@@ -350,6 +378,7 @@ int main(void)
         cmocka_unit_test(an_array_s_curvature_is_the_spread_of_its_wave_vectors),
         cmocka_unit_test(the_fit_to_an_array_s_image_is_near_its_curvature),
         cmocka_unit_test(a_stage_that_goes_on_has_the_widths_of_one_that_stands),
+        cmocka_unit_test(who_waits_for_a_fit_can_stop_it),
         cmocka_unit_test(an_array_that_resolves_no_axis_says_so),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -70,7 +70,8 @@ static int run_lightcone(struct confocal_job *job, struct confocal_scan *s,
     if (err)
         return error_say(why, err, "method 'lct': %s", strerror(-err));
     stopwatch_lap(&job->stages[RECON_PLAN], &now, false);
-    remove_level(s);
+    if (!pool_stopped(job->pool))
+        remove_level(s);
     lightcone_inverse(l, s->counts, job->intensity);
     lightcone_destroy(l);
     for (size_t v = 0; v < grid_size(&job->grid); v++)
@@ -320,7 +321,8 @@ int confocal_job_run(struct confocal_job *job, const struct recon_options *optio
     }
     if (!err) {
         pool_stop_by(job->pool, interrupt_stops, NULL);
-        err = confocal_image(job, &scan, why);
+        if (!pool_stopped(job->pool))
+            err = confocal_image(job, &scan, why);
     }
     if (interrupt_requested())
         err = error_say(why, -EINTR, "interrupted");

@@ -207,12 +207,15 @@ static int psf_job_compute(struct psf_job *job, const char *survey_path,
         .band_hz = {fmin(survey.chirp_start_hz, survey.chirp_stop_hz),
                     fmax(survey.chirp_start_hz, survey.chirp_stop_hz)},
         .at_m = {at_m[0], at_m[1], at_m[2]},
+        .stop = interrupt_stops,
     };
     err = psf_compute(&job->file.psf, &cfg, &job->grid, &job->intensity);
     if (err == -ERANGE)
         error_say(why, err,
                   "%s: its aperture resolves fewer than two axes at %g, %g, %g m",
                   survey_path, at_m[0], at_m[1], at_m[2]);
+    else if (err == -ECANCELED)
+        err = error_say(why, -EINTR, "interrupted");
     else if (err)
         error_say(why, err, "%s", strerror(-err));
     memcpy(job->file.band_hz, cfg.band_hz, sizeof cfg.band_hz);
