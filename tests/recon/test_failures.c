@@ -268,8 +268,9 @@ static int beyond_work(void *context, struct error *why)
 static int psf_work(void *context, struct error *why)
 {
     struct look *l = context;
-    const struct psf_config cfg = {
-        &l->a.rig.geometry, {2000.0, 20000.0}, {0.5, 0.5, 2.0}, 0};
+    const struct psf_config cfg = {.geometry = &l->a.rig.geometry,
+                                   .band_hz = {2000.0, 20000.0},
+                                   .at_m = {0.5, 0.5, 2.0}};
     struct grid grid;
     struct psf p;
     float *intensity = NULL;
