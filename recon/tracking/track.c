@@ -113,6 +113,8 @@ size_t track_filters(struct track *k, struct track_filter *out[TRACK_FILTERS])
 
     out[n++] = &k->filter;
     out[n++] = &k->steady;
+    for (int as = 0; k->passing.begun && as < TRACK_PASSING; as++)
+        out[n++] = &k->passing.as[as];
     for (size_t i = 0; k->models.begun && i < TRACK_MODELS; i++)
         out[n++] = &k->models.of[i];
     for (size_t j = 0; j < k->past.n; j++)
@@ -148,6 +150,7 @@ static void predict(struct tracker *t, double dt_s, bool ego_known)
         struct track *k = &t->tracks[i];
         predict_filter(t, k, dt_s, lost);
         track_filter_predict(&k->steady, dt_s, STEADY_PSD_M2_S3 + lost);
+        track_passing_predict(k, dt_s, t->cfg.acceleration_psd_m2_s3, lost);
         track_outline_predict(k, dt_s);
         struct track_life_config life = t->life;
         if (!k->models.begun && k->state == TRACK_PREDICTED) {
@@ -372,6 +375,12 @@ static void continue_track(struct tracker *t, const struct track_scan *scan, siz
     track_gather(t, scan, whose, i, &middle, extent_m, &existence, &k->detection);
     struct track_match m =
         track_body_match(k, k->body.n ? &t->positions[k->detection] : &middle, NULL);
+    const struct track_match as_car =
+        track_passing_match(t, k, scan, k->detection, fresh);
+    if (as_car.distance2 < t->cfg.gate2 && m.distance2 >= t->cfg.gate2) {
+        track_body_begin(k);
+        m = as_car;
+    }
     double seen = t->cfg.detection_probability;
     double ratio = 1.0 - seen + seen * m.density / scan->clutter_m2;
     track_life_update(&k->life, &t->life, true, ratio, fresh);
@@ -393,6 +402,7 @@ static void continue_track(struct tracker *t, const struct track_scan *scan, siz
         k->extent_m[a] += EXTENT_SHARE * (extent_m[a] - k->extent_m[a]);
     track_turn(t->pose.dyaw, scan->detections[k->detection].sight, k->body.sight);
     track_outline_update(k, t->pose.dyaw);
+    track_passing_update(t, k, fresh);
     k->motion = judge_motion(k);
     judge_rest(t, scan, fresh, k);
     track_mirror_measured(t, scan, k, scan->detections[k->detection].mirror);
@@ -642,7 +652,7 @@ int tracker_step(struct tracker *t, const struct track_scan *scan)
     predict(t, dt_s, scan->ego_known);
     track_mirror_follow(t, scan);
     track_place(t, scan, fresh);
-    track_associate(t, scan, mine, whose);
+    track_associate(t, scan, fresh, mine, whose);
     for (size_t i = 0; i < t->n; i++) {
         if (mine[i] == TRACK_NONE)
             miss_track(t, scan, i, mine, fresh);
@@ -711,12 +721,13 @@ static double still_there(const struct tracker *t, const struct track *k)
 static void report(const struct tracker *t, const struct track *k,
                    struct track_report *out)
 {
-    const struct track_filter *f = &k->filter;
+    const struct track_filter *passing = track_passing_told(k), *heard = &k->filter;
+    const struct track_filter *f = passing ? passing : heard;
     const struct track_outline *o = &k->outline;
-    const double heard_m[3] = {f->state[0] + o->heard_m[0], f->state[1] + o->heard_m[1],
-                               f->height_m};
-    const double at_m[3] = {f->state[0] + o->middle_m[0], f->state[1] + o->middle_m[1],
-                            f->height_m};
+    const double heard_m[3] = {heard->state[0] + o->heard_m[0],
+                               heard->state[1] + o->heard_m[1], heard->height_m};
+    const double at_m[3] = {f->state[0] + (passing ? 0.0 : o->middle_m[0]),
+                            f->state[1] + (passing ? 0.0 : o->middle_m[1]), f->height_m};
     double block[2][2], turned[2][2], size_m[2], yaw = t->pose.dyaw;
 
     memset(out, 0, sizeof *out);

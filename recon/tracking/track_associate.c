@@ -139,7 +139,7 @@ bool track_rests_elsewhere(const struct tracker *t, const struct track_scan *sca
 /* Negative logarithms of how much likelier an assignment is than clutter and an object
  * that is not there: joint integrated association (Musicki and Evans 2004), of which the
  * best single hypothesis is taken. */
-static void fill_costs(struct tracker *t, const struct track_scan *scan)
+static void fill_costs(struct tracker *t, const struct track_scan *scan, double fresh)
 {
     size_t n_columns = scan->n + t->n;
 
@@ -149,6 +149,9 @@ static void fill_costs(struct tracker *t, const struct track_scan *scan)
         double *cost = t->cost + i * n_columns;
         for (size_t j = 0; j < scan->n; j++) {
             struct track_match m = track_body_match(k, &t->positions[j], NULL);
+            struct track_match as_car = track_passing_match(t, k, scan, j, fresh);
+            if (as_car.distance2 < m.distance2)
+                m = as_car;
             bool mirrored = scan->detections[j].mirror != 0;
             bool near = m.distance2 < t->cfg.gate2 && !k->merged &&
                         mirrored == (k->mirror.id != 0) &&
@@ -193,12 +196,12 @@ static size_t neighbour(const struct tracker *t, const struct track_scan *scan,
     return owner;
 }
 
-void track_associate(struct tracker *t, const struct track_scan *scan, size_t *mine,
-                     size_t *whose)
+void track_associate(struct tracker *t, const struct track_scan *scan, double fresh,
+                     size_t *mine, size_t *whose)
 {
     size_t column[ASSIGNMENT_ROWS];
 
-    fill_costs(t, scan);
+    fill_costs(t, scan, fresh);
     assignment_solve(t->n, scan->n + t->n, t->cost, column);
     for (size_t j = 0; j < scan->n; j++)
         whose[j] = TRACK_NONE;

@@ -238,7 +238,7 @@ static bool adjoin(const struct track *a, const struct track *b)
     return isfinite(least_m);
 }
 
-static void begin_body(struct track *k)
+void track_body_begin(struct track *k)
 {
     if (k->body.n)
         return;
@@ -248,8 +248,8 @@ static void begin_body(struct track *k)
 
 static void take_in_body(struct track *k, struct track *other, double yaw)
 {
-    begin_body(k);
-    begin_body(other);
+    track_body_begin(k);
+    track_body_begin(other);
     for (size_t i = 0; i < other->body.n; i++) {
         struct track_part *part = new_part(&k->body);
         *part = other->body.parts[i];

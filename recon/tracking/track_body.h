@@ -46,6 +46,9 @@ struct track_match track_body_match(const struct track *k, const struct track_po
  * part of it. */
 double track_body_gap_m(const struct track *k, const struct track_position *p);
 
+/* What was one place so far is a part of a body. */
+void track_body_begin(struct track *k);
+
 /* The filters take what is track i's, part by part; what is no part yet becomes one. */
 void track_body_update(struct tracker *t, const struct track_scan *scan,
                        const size_t *whose, size_t i, double fresh);

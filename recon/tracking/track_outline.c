@@ -13,6 +13,7 @@
 #define BICYCLE_M      1.0  /* what is sure to be heard of one */
 #define CAR_M          1.9  /* a body that is longer is no bicycle, */
 #define SMEAR_M        0.4  /* nor is one place that is longer by so much: a car, */
+#define CAR_WIDER_M    0.6  /* as is one of several places that is wider; */
 #define CAR_LENGTH_M   4.2  /* so long and so wide, */
 #define CAR_WIDTH_M    1.7
 #define CAR_SHARE      0.5         /* what is fast and was heard shorter is either */
@@ -139,6 +140,8 @@ static void widen(struct track *k, const double u[2])
 
     if (k->body.n || o->fast)
         o->car |= length_m >= CAR_M + (k->body.n ? 0.0 : SMEAR_M);
+    if (k->body.n && o->fast)
+        o->car |= o->high_m[1] - o->low_m[1] > CAR_WIDER_M;
     o->glint |= is_left_behind(k);
     if (!o->car || unheard_m <= 0.0)
         return;

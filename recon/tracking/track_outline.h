@@ -17,10 +17,10 @@
  * uncertainty.  It is told where it is heard all the same, for the rear of a bicycle that
  * goes out of sight looks like that too.
  *
- * What is faster than a walker is as long as a bicycle at least.  Of what comes out from
- * behind a corner or the end of an image, and from a moving vehicle of all that moves
- * along, what is heard first is its front: the rest of it is behind that.  The side of a
- * car that is not heard is on the far side of it.
+ * What is faster than a walker is as long as a bicycle at least.  Where its middle is
+ * follows from the direction that it is heard in (track_passing.h); where that is not
+ * known, the rest of it is behind what is heard.  The side of a car that is not heard is
+ * on the far side of it.
  *
  * Private to recon/tracking/track*.c. */
 #ifndef ANLOS_RECON_TRACKING_TRACK_OUTLINE_H

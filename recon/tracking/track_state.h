@@ -9,10 +9,11 @@
 #include "recon/tracking/track_filter.h"
 #include "recon/tracking/track_models.h"
 #include "recon/tracking/track_outline.h"
+#include "recon/tracking/track_passing.h"
 #include "recon/tracking/track_rest.h"
 
 #define TRACK_NONE    ((size_t)-1)
-#define TRACK_FILTERS (2 + TRACK_MODELS * (1 + TRACK_PAST))
+#define TRACK_FILTERS (2 + TRACK_PASSING + TRACK_MODELS * (1 + TRACK_PAST))
 
 struct track {
     struct track_filter filter;
@@ -32,6 +33,7 @@ struct track {
     double height_m2[2][2];    /* by the height that is assumed, over ground */
     struct track_body body;
     struct track_outline outline;
+    struct track_passing passing;
     struct track_mirror mirror; /* over ground: that all of this holds for */
     bool placed;                /* it was measured by way of it */
     double waited;              /* for that: looks in which no mirror showed it */
@@ -97,8 +99,8 @@ bool track_rests_elsewhere(const struct tracker *t, const struct track_scan *sca
 /* Which detection each track gets, mine[t->n], and whose each detection is,
  * whose[scan->n]: TRACK_NONE where it is nobody's.  What is near to a track's own becomes
  * part of it too. */
-void track_associate(struct tracker *t, const struct track_scan *scan, size_t *mine,
-                     size_t *whose);
+void track_associate(struct tracker *t, const struct track_scan *scan, double fresh,
+                     size_t *mine, size_t *whose);
 
 /* The detections of one owner as one: its middle, with their scatter; *detection is the
  * strongest. */

@@ -1,0 +1,173 @@
+/* SPDX-License-Identifier: MIT */
+#include "tests/recon/near.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "recon/tracking/track_state.h"
+#include "tests/recon/dice.h"
+
+#define FRAME_NS 50000000
+#define FRAME_S  0.05
+#define SIGMA_M  0.03
+#define FLANK_M  3.0 /* in front of the array, which is at the origin */
+
+struct rig {
+    struct tracker *tracker;
+    struct track_scan scan;
+    struct track_detection detections[8];
+    struct track_report reports[TRACKS_MAX];
+    size_t n;
+    unsigned long long seed;
+};
+
+static int setup(void **state)
+{
+    struct rig *r = calloc(1, sizeof *r);
+    struct track_config cfg;
+
+    if (!r)
+        return -1;
+    track_config_default(&cfg);
+    r->scan = (struct track_scan){.detections = r->detections,
+                                  .fresh = 0.25,
+                                  .clutter_m2 = 0.01,
+                                  .ego_known = true};
+    r->seed = 7;
+    *state = r;
+    return tracker_create(&r->tracker, &cfg);
+}
+
+static int teardown(void **state)
+{
+    struct rig *r = *state;
+
+    tracker_destroy(r->tracker);
+    free(r);
+    return 0;
+}
+
+static void hear(struct rig *r, double x, double y, double power)
+{
+    struct track_detection *d = &r->detections[r->scan.n++];
+
+    *d =
+        (struct track_detection){.position_m = {x + SIGMA_M * dice_normal(&r->seed),
+                                                y + SIGMA_M * dice_normal(&r->seed), 0.5},
+                                 .existence = 1.0,
+                                 .power = power,
+                                 .height_assumed = true};
+    d->covariance_m2[0] = d->covariance_m2[3] = SIGMA_M * SIGMA_M;
+    d->covariance_m2[5] = 0.25;
+    d->sight[0] = x / hypot(x, y);
+    d->sight[1] = y / hypot(x, y);
+}
+
+/* A smooth body from rear to front along y, its middle at y: it is heard where it is
+ * nearest to the array. */
+static void hear_nearest(struct rig *r, double y, double half_m)
+{
+    hear(r, FLANK_M, y + fmin(fmax(-y, -half_m), half_m), 1.0);
+}
+
+static void step(struct rig *r)
+{
+    r->scan.stamp_ns += FRAME_NS;
+    assert_int_equal(tracker_step(r->tracker, &r->scan), 0);
+    r->scan.n = 0;
+    r->n = tracker_report(r->tracker, r->reports);
+}
+
+/* Of a box, seen along its flank, at a slant and across it: the corner that is nearer,
+ * and the middle of the side that faces the array. */
+static void the_spot_is_where_the_body_faces_the_array(void **state)
+{
+    const double u[2] = {0.0, 1.0};
+    double ahead[2], aside[2], behind[2], slant[2];
+
+    (void)state;
+    for (int as = 0; as < TRACK_PASSING; as++) {
+        double half_m = as == TRACK_AS_CAR ? 1.9 : 0.4;
+        track_passing_spot(as, 4.0, u, (double[]){0.0, 1.0}, ahead);
+        track_passing_spot(as, 4.0, u, (double[]){0.0, -1.0}, behind);
+        track_passing_spot(as, 4.0, u, (double[]){1.0, 0.0}, aside);
+        track_passing_spot(as, 4.0, u, (double[]){0.8, 0.6}, slant);
+        assert_near(ahead[1], -half_m, 0.05 * half_m); /* it goes away: its rear */
+        assert_near(behind[1], half_m, 0.05 * half_m);
+        assert_near(ahead[0], 0.0, 1e-12);
+        assert_near(aside[1], 0.0, 1e-12);
+        assert_near(slant[1], -half_m, 0.1 * half_m);
+        assert_true(aside[0] < 0.0 && slant[0] < 0.0); /* nearer than the middle */
+    }
+}
+
+/* Somebody who runs is as short as one who walks. */
+static void a_runner_is_heard_in_his_middle(void **state)
+{
+    double spot[2];
+
+    (void)state;
+    track_passing_spot(TRACK_AS_BICYCLE, 2.2, (double[]){0.0, 1.0}, (double[]){0.6, 0.8},
+                       spot);
+    assert_near(spot[1], 0.0, 1e-12);
+}
+
+/* 0.8 m of him; heard from front to rear, which in 2 s makes him 0.4 m/s slower. */
+static void a_cyclist_is_told_as_fast_as_he_is_and_in_his_middle(void **state)
+{
+    struct rig *r = *state;
+    double error2 = 0.0, dv2 = 0.0;
+    int n = 0;
+
+    for (double y = -4.0; y < 4.0; y += 4.0 * FRAME_S) {
+        hear_nearest(r, y, 0.4);
+        step(r);
+        if (y < -2.0)
+            continue;
+        assert_int_equal(r->n, 1);
+        error2 += pow(r->reports[0].position_m[1] - y, 2.0);
+        dv2 += pow(r->reports[0].velocity_m_s[1] - 4.0, 2.0);
+        n++;
+    }
+    assert_true(sqrt(error2 / n) < 0.12);
+    assert_true(sqrt(dv2 / n) < 0.25);
+}
+
+/* Of a car both front corners are heard as it comes, by which it is wider than bicycles;
+ * then its flank, and its rear as it goes. */
+static void a_car_is_told_as_fast_as_it_is_and_in_its_middle(void **state)
+{
+    struct rig *r = *state;
+    double error2 = 0.0, dv2 = 0.0;
+    int n = 0;
+
+    for (double y = -6.0; y < 5.0; y += 5.0 * FRAME_S) {
+        hear_nearest(r, y, 1.9);
+        if (y < -2.5)
+            hear(r, FLANK_M + 0.9, y + 2.0, 0.3);
+        step(r);
+        if (y < -3.0)
+            continue;
+        assert_int_equal(r->n, 1);
+        error2 += pow(r->reports[0].position_m[1] - y, 2.0) +
+                  pow(r->reports[0].position_m[0] - FLANK_M - 0.85, 2.0);
+        dv2 += pow(r->reports[0].velocity_m_s[1] - 5.0, 2.0);
+        n++;
+    }
+    assert_true(sqrt(error2 / n) < 0.8); /* 1.5 m and 2.7 m/s by what is heard */
+    assert_true(sqrt(dv2 / n) < 0.5);
+}
+
+#define TEST(name) cmocka_unit_test_setup_teardown(name, setup, teardown)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(the_spot_is_where_the_body_faces_the_array),
+        cmocka_unit_test(a_runner_is_heard_in_his_middle),
+        TEST(a_cyclist_is_told_as_fast_as_he_is_and_in_his_middle),
+        TEST(a_car_is_told_as_fast_as_it_is_and_in_its_middle),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
