@@ -124,7 +124,7 @@ struct track_match track_passing_match(const struct tracker *t, const struct tra
 
 void track_passing_update(const struct tracker *t, struct track *k, double fresh)
 {
-    bool passes = !track_outline_is_slow(k) &&
+    bool passes = (k->outline.fast || k->outline.car) &&
                   hypot(k->body.sight[0], k->body.sight[1]) > 0.5; /* it is known */
 
     for (int as = 0; passes && as < TRACK_PASSING; as++) {

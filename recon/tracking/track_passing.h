@@ -48,7 +48,8 @@ struct track_match track_passing_match(const struct tracker *t, const struct tra
                                        const struct track_scan *scan, size_t detection,
                                        double fresh);
 
-/* After a look, which its other filters have taken. */
+/* After a look, which its other filters have taken; for as long as it is fast, or a
+ * car. */
 void track_passing_update(const struct tracker *t, struct track *k, double fresh);
 
 /* What it is told by; NULL: what is heard.  No spot is faster than its body for long: of
