@@ -134,6 +134,24 @@ static void a_cyclist_is_told_as_fast_as_he_is_and_in_his_middle(void **state)
     assert_true(sqrt(dv2 / n) < 0.25);
 }
 
+/* He runs at 2.8 m/s, and stops within a third of a second. */
+static void who_stops_after_a_run_is_told_where_he_is(void **state)
+{
+    struct rig *r = *state;
+    double y = -4.0, speed_m_s = 2.8;
+
+    for (int k = 0; k < 60; k++) {
+        hear_nearest(r, y, 0.1);
+        step(r);
+        if (y > -1.0)
+            speed_m_s = fmax(speed_m_s - 8.4 * FRAME_S, 0.0);
+        y += speed_m_s * FRAME_S;
+    }
+    assert_int_equal(r->n, 1);
+    assert_near(r->reports[0].position_m[1], y, 0.2);
+    assert_near(r->reports[0].velocity_m_s[1], 0.0, 0.4);
+}
+
 /* Of a car both front corners are heard as it comes, by which it is wider than bicycles;
  * then its flank, and its rear as it goes. */
 static void a_car_is_told_as_fast_as_it_is_and_in_its_middle(void **state)
@@ -159,6 +177,36 @@ static void a_car_is_told_as_fast_as_it_is_and_in_its_middle(void **state)
     assert_true(sqrt(dv2 / n) < 0.5);
 }
 
+/* Its front corner, as it comes; in images with what stands a car has to be known. */
+static void a_spot_of_a_car_is_looked_for(void **state)
+{
+    struct tracker *t = calloc(1, sizeof *t);
+    struct track *k = calloc(1, sizeof *k);
+    struct rig *r = *state;
+
+    assert_true(t && k);
+    hear(r, FLANK_M, -3.0, 1.0);
+    r->scan.detections = r->detections;
+    track_place(t, &r->scan, 1.0);
+    struct track_filter *f = &k->passing.as[TRACK_AS_CAR];
+    f->state[0] = FLANK_M + 0.85;
+    f->state[1] = -4.9;
+    f->state[3] = 4.0;
+    for (int a = 0; a < 4; a++)
+        f->covariance[a][a] = 0.01;
+    f->height_m = 0.5;
+    f->height_m2 = 0.25;
+    assert_true(isinf(track_passing_match(t, k, &r->scan, 0, 1.0).distance2));
+    k->passing.begun = true;
+    assert_true(track_passing_match(t, k, &r->scan, 0, 1.0).distance2 < 4.0);
+    r->scan.standing_left = true;
+    assert_true(isinf(track_passing_match(t, k, &r->scan, 0, 1.0).distance2));
+    k->outline.car = true;
+    assert_true(track_passing_match(t, k, &r->scan, 0, 1.0).distance2 < 4.0);
+    free(k);
+    free(t);
+}
+
 #define TEST(name) cmocka_unit_test_setup_teardown(name, setup, teardown)
 
 int main(void)
@@ -166,7 +214,9 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_spot_is_where_the_body_faces_the_array),
         cmocka_unit_test(a_runner_is_heard_in_his_middle),
+        TEST(a_spot_of_a_car_is_looked_for),
         TEST(a_cyclist_is_told_as_fast_as_he_is_and_in_his_middle),
+        TEST(who_stops_after_a_run_is_told_where_he_is),
         TEST(a_car_is_told_as_fast_as_it_is_and_in_its_middle),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
