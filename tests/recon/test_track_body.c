@@ -5,72 +5,14 @@
 #include <string.h>
 
 #include "recon/tracking/track_state.h"
-#include "tests/recon/dice.h"
+#include "tests/recon/track_rig.h"
 
-#define FRAME_NS 50000000
-#define FRAME_S  0.05
-#define SIGMA_M  0.03
-
-struct rig {
-    struct tracker *tracker;
-    struct track_detection detections[TRACK_DETECTIONS];
-    struct track_scan scan;
-    struct track_report reports[TRACKS_MAX];
-    size_t n;
-    unsigned long long seed;
-    double sight[2];
-};
-
-static int setup(void **state)
+static void see(struct track_rig *r, double x, double y)
 {
-    struct rig *r = calloc(1, sizeof *r);
-    struct track_config cfg;
-
-    if (!r)
-        return -1;
-    track_config_default(&cfg);
-    r->scan = (struct track_scan){.detections = r->detections,
-                                  .fresh = 0.25,
-                                  .clutter_m2 = 0.01,
-                                  .ego_known = true};
-    r->seed = 5;
-    *state = r;
-    return tracker_create(&r->tracker, &cfg);
+    track_rig_see(r, x, y, 1.0);
 }
 
-static int teardown(void **state)
-{
-    struct rig *r = *state;
-
-    tracker_destroy(r->tracker);
-    free(r);
-    return 0;
-}
-
-static void see(struct rig *r, double x, double y)
-{
-    struct track_detection *d = &r->detections[r->scan.n++];
-
-    *d =
-        (struct track_detection){.position_m = {x + SIGMA_M * dice_normal(&r->seed),
-                                                y + SIGMA_M * dice_normal(&r->seed), 0.5},
-                                 .existence = 1.0,
-                                 .power = 1.0,
-                                 .height_assumed = true};
-    d->covariance_m2[0] = d->covariance_m2[3] = SIGMA_M * SIGMA_M;
-    d->covariance_m2[5] = 0.25;
-    memcpy(d->sight, r->sight, sizeof d->sight);
-}
-
-static void step(struct rig *r)
-{
-    r->scan.stamp_ns += FRAME_NS;
-    assert_int_equal(tracker_step(r->tracker, &r->scan), 0);
-    r->scan.n = 0;
-    r->n = tracker_report(r->tracker, r->reports);
-}
-
-static size_t count(const struct rig *r)
+static size_t count(const struct track_rig *r)
 {
     size_t n = 0;
 
@@ -94,7 +36,7 @@ static double middle_m(int k)
     return -5.0 + 4.0 * FRAME_S * k;
 }
 
-static void pass(struct rig *r, int k, double x)
+static void pass(struct track_rig *r, int k, double x)
 {
     for (size_t i = 0; i < sizeof panels / sizeof *panels; i++) {
         const struct panel *p = &panels[i];
@@ -105,11 +47,11 @@ static void pass(struct rig *r, int k, double x)
 
 static void panels_of_a_car_become_one_track_with_its_size(void **state)
 {
-    struct rig *r = *state;
+    struct track_rig *r = *state;
 
     for (int k = 0; middle_m(k) < 4.8; k++) {
         pass(r, k, 3.0);
-        step(r);
+        track_rig_step(r);
         if (middle_m(k) < -1.0)
             continue;
         assert_int_equal(count(r), 1);
@@ -125,11 +67,11 @@ static void panels_of_a_car_become_one_track_with_its_size(void **state)
 /* What is heard of it moves backward over it by 4 m in 1.5 s. */
 static void what_is_heard_later_of_a_car_does_not_hold_it_up(void **state)
 {
-    struct rig *r = *state;
+    struct track_rig *r = *state;
 
     for (int k = 0; middle_m(k) < 4.8; k++) {
         pass(r, k, 3.0);
-        step(r);
+        track_rig_step(r);
         if (middle_m(k) < -1.0)
             continue;
         assert_near(r->reports[0].velocity_m_s[1], 4.0, 0.5);
@@ -141,12 +83,12 @@ static void what_is_heard_later_of_a_car_does_not_hold_it_up(void **state)
  * where it is heard. */
 static void the_side_of_a_car_that_is_not_heard_is_on_its_far_side(void **state)
 {
-    struct rig *r = *state;
+    struct track_rig *r = *state;
 
     r->sight[0] = -1.0;
     for (int k = 0; middle_m(k) < 1.8; k++) {
         pass(r, k, 3.0);
-        step(r);
+        track_rig_step(r);
     }
     assert_int_equal(count(r), 1);
     assert_near(r->reports[0].position_m[0], 3.8 - 0.8, 0.1);
@@ -155,36 +97,36 @@ static void the_side_of_a_car_that_is_not_heard_is_on_its_far_side(void **state)
 
 static void two_who_walk_side_by_side_stay_two(void **state)
 {
-    struct rig *r = *state;
+    struct track_rig *r = *state;
 
     for (int k = 0; k < 60; k++) {
         see(r, 3.0, -2.0 + 1.3 * FRAME_S * k);
         see(r, 3.8, -2.0 + 1.3 * FRAME_S * k);
-        step(r);
+        track_rig_step(r);
     }
     assert_int_equal(count(r), 2);
 }
 
 static void two_that_drive_one_after_the_other_stay_two(void **state)
 {
-    struct rig *r = *state;
+    struct track_rig *r = *state;
 
     for (int k = 0; k < 60; k++) {
         see(r, 3.0, -4.0 + 4.0 * FRAME_S * k);
         see(r, 3.0, -6.0 + 4.0 * FRAME_S * k);
-        step(r);
+        track_rig_step(r);
     }
     assert_int_equal(count(r), 2);
 }
 
 static void two_that_meet_stay_two(void **state)
 {
-    struct rig *r = *state;
+    struct track_rig *r = *state;
 
     for (int k = 0; k < 60; k++) {
         see(r, 3.0, -5.0 + 4.0 * FRAME_S * k);
         see(r, 3.9, 5.0 - 3.0 * FRAME_S * k);
-        step(r);
+        track_rig_step(r);
     }
     assert_int_equal(count(r), 2);
     assert_near(fabs(r->reports[0].velocity_m_s[1] - r->reports[1].velocity_m_s[1]), 7.0,
@@ -194,14 +136,14 @@ static void two_that_meet_stay_two(void **state)
 /* Both were named: the one that is given up is told so, once. */
 static void the_younger_of_two_that_are_one_is_told_as_deleted(void **state)
 {
-    struct rig *r = *state;
+    struct track_rig *r = *state;
     size_t told = 0;
 
     for (int k = 0; k < 60; k++) {
         double gap_m = fmax(2.0 - 0.5 * FRAME_S * k, 1.0);
         see(r, 3.0, -4.0 + 3.0 * FRAME_S * k);
         see(r, 3.0, -4.0 + 3.0 * FRAME_S * k - gap_m);
-        step(r);
+        track_rig_step(r);
         for (size_t i = 0; i < r->n; i++)
             told += r->reports[i].state == TRACK_DELETED && r->reports[i].id == 2;
     }
@@ -271,7 +213,8 @@ static void what_differs_in_its_velocity_as_noise_does_is_one(void **state)
     }
 }
 
-#define TEST(name) cmocka_unit_test_setup_teardown(name, setup, teardown)
+#define TEST(name)                                                                       \
+    cmocka_unit_test_setup_teardown(name, track_rig_setup, track_rig_teardown)
 
 int main(void)
 {

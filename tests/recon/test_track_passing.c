@@ -3,80 +3,24 @@
 
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "recon/tracking/track_state.h"
-#include "tests/recon/dice.h"
+#include "tests/recon/track_rig.h"
 
-#define FRAME_NS 50000000
-#define FRAME_S  0.05
-#define SIGMA_M  0.03
-#define FLANK_M  3.0 /* in front of the array, which is at the origin */
+#define FLANK_M 3.0 /* in front of the array, which is at the origin */
 
-struct rig {
-    struct tracker *tracker;
-    struct track_scan scan;
-    struct track_detection detections[8];
-    struct track_report reports[TRACKS_MAX];
-    size_t n;
-    unsigned long long seed;
-};
-
-static int setup(void **state)
+static void hear(struct track_rig *r, double x, double y, double power)
 {
-    struct rig *r = calloc(1, sizeof *r);
-    struct track_config cfg;
-
-    if (!r)
-        return -1;
-    track_config_default(&cfg);
-    r->scan = (struct track_scan){.detections = r->detections,
-                                  .fresh = 0.25,
-                                  .clutter_m2 = 0.01,
-                                  .ego_known = true};
-    r->seed = 7;
-    *state = r;
-    return tracker_create(&r->tracker, &cfg);
-}
-
-static int teardown(void **state)
-{
-    struct rig *r = *state;
-
-    tracker_destroy(r->tracker);
-    free(r);
-    return 0;
-}
-
-static void hear(struct rig *r, double x, double y, double power)
-{
-    struct track_detection *d = &r->detections[r->scan.n++];
-
-    *d =
-        (struct track_detection){.position_m = {x + SIGMA_M * dice_normal(&r->seed),
-                                                y + SIGMA_M * dice_normal(&r->seed), 0.5},
-                                 .existence = 1.0,
-                                 .power = power,
-                                 .height_assumed = true};
-    d->covariance_m2[0] = d->covariance_m2[3] = SIGMA_M * SIGMA_M;
-    d->covariance_m2[5] = 0.25;
-    d->sight[0] = x / hypot(x, y);
-    d->sight[1] = y / hypot(x, y);
+    r->sight[0] = x / hypot(x, y);
+    r->sight[1] = y / hypot(x, y);
+    track_rig_see(r, x, y, power);
 }
 
 /* A smooth body from rear to front along y, its middle at y: it is heard where it is
  * nearest to the array. */
-static void hear_nearest(struct rig *r, double y, double half_m)
+static void hear_nearest(struct track_rig *r, double y, double half_m)
 {
     hear(r, FLANK_M, y + fmin(fmax(-y, -half_m), half_m), 1.0);
-}
-
-static void step(struct rig *r)
-{
-    r->scan.stamp_ns += FRAME_NS;
-    assert_int_equal(tracker_step(r->tracker, &r->scan), 0);
-    r->scan.n = 0;
-    r->n = tracker_report(r->tracker, r->reports);
 }
 
 /* Of a box, seen along its flank, at a slant and across it: the corner that is nearer,
@@ -116,13 +60,13 @@ static void a_runner_is_heard_in_his_middle(void **state)
 /* 0.8 m of him; heard from front to rear, which in 2 s makes him 0.4 m/s slower. */
 static void a_cyclist_is_told_as_fast_as_he_is_and_in_his_middle(void **state)
 {
-    struct rig *r = *state;
+    struct track_rig *r = *state;
     double error2 = 0.0, dv2 = 0.0;
     int n = 0;
 
     for (double y = -4.0; y < 4.0; y += 4.0 * FRAME_S) {
         hear_nearest(r, y, 0.4);
-        step(r);
+        track_rig_step(r);
         if (y < -2.0)
             continue;
         assert_int_equal(r->n, 1);
@@ -137,12 +81,12 @@ static void a_cyclist_is_told_as_fast_as_he_is_and_in_his_middle(void **state)
 /* He runs at 2.8 m/s, and stops within a third of a second. */
 static void who_stops_after_a_run_is_told_where_he_is(void **state)
 {
-    struct rig *r = *state;
+    struct track_rig *r = *state;
     double y = -4.0, speed_m_s = 2.8;
 
     for (int k = 0; k < 60; k++) {
         hear_nearest(r, y, 0.1);
-        step(r);
+        track_rig_step(r);
         if (y > -1.0)
             speed_m_s = fmax(speed_m_s - 8.4 * FRAME_S, 0.0);
         y += speed_m_s * FRAME_S;
@@ -156,7 +100,7 @@ static void who_stops_after_a_run_is_told_where_he_is(void **state)
  * then its flank, and its rear as it goes. */
 static void a_car_is_told_as_fast_as_it_is_and_in_its_middle(void **state)
 {
-    struct rig *r = *state;
+    struct track_rig *r = *state;
     double error2 = 0.0, dv2 = 0.0;
     int n = 0;
 
@@ -164,7 +108,7 @@ static void a_car_is_told_as_fast_as_it_is_and_in_its_middle(void **state)
         hear_nearest(r, y, 1.9);
         if (y < -2.5)
             hear(r, FLANK_M + 0.9, y + 2.0, 0.3);
-        step(r);
+        track_rig_step(r);
         if (y < -3.0)
             continue;
         assert_int_equal(r->n, 1);
@@ -182,11 +126,10 @@ static void a_spot_of_a_car_is_looked_for(void **state)
 {
     struct tracker *t = calloc(1, sizeof *t);
     struct track *k = calloc(1, sizeof *k);
-    struct rig *r = *state;
+    struct track_rig *r = *state;
 
     assert_true(t && k);
     hear(r, FLANK_M, -3.0, 1.0);
-    r->scan.detections = r->detections;
     track_place(t, &r->scan, 1.0);
     struct track_filter *f = &k->passing.as[TRACK_AS_CAR];
     f->state[0] = FLANK_M + 0.85;
@@ -207,7 +150,8 @@ static void a_spot_of_a_car_is_looked_for(void **state)
     free(t);
 }
 
-#define TEST(name) cmocka_unit_test_setup_teardown(name, setup, teardown)
+#define TEST(name)                                                                       \
+    cmocka_unit_test_setup_teardown(name, track_rig_setup, track_rig_teardown)
 
 int main(void)
 {
