@@ -60,7 +60,8 @@ struct track_match track_body_match(const struct track *k, const struct track_po
 }
 
 static const double most_m[2] = {LONGEST_M, 0.5 * LONGEST_M};
-static const double most_gap_m[2] = {1.3, 1.0}; /* between parts: along, across */
+/* Between parts, along and across: of the front of a car its corners are heard. */
+static const double most_gap_m[2] = {1.3, 1.35};
 
 /* Of a box grown by a place: is that still a body, and how far out was it? */
 static double gap_m(const double low[2], const double high[2], const double at[2])
