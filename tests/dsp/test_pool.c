@@ -151,7 +151,7 @@ static void signals_are_left_to_the_caller(void **state)
         assert_true(m.blocked[i]);
 }
 
-struct stopper { /* says yes at so manieth a question */
+struct stopper { /* says yes at question number `at`, from 0 */
     size_t asked, at;
     pthread_t caller;
     bool elsewhere;
