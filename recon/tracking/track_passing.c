@@ -12,7 +12,8 @@
 
 /* From the middle to where the spot stays while the body comes near, or goes away; the
  * cosine between way and sight at which it is 0.7 as far: a flank is not quite flat; and
- * how far off the spot is from there, one sigma. */
+ * how far off the spot is from there, one sigma.  By 1900 detections of cars and cyclists
+ * in another simulator. */
 static const struct {
     double along_m, across_m, turns, along_sigma_m, across_sigma_m;
 } body[TRACK_PASSING] = {

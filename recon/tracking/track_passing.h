@@ -9,6 +9,9 @@
  * third, a bicycle by a sixth.  So where the bright spot is on the body follows from the
  * direction that it is heard in (of a box with rounded corners, here), and a filter of
  * its own, beside that of what is heard, knows the middle, once for each kind of body.
+ * (That what reflects of a body depends on its aspect: Hammarstrand, Lundgren and
+ * Svensson 2012, "Adaptive radar sensor model for tracking structured extended objects",
+ * IEEE Trans. AES 48(3).)
  *
  * Private to recon/tracking/track*.c. */
 #ifndef ANLOS_RECON_TRACKING_TRACK_PASSING_H
@@ -27,22 +30,23 @@ struct track_scan;
 
 struct track_passing {
     bool begun;
-    struct track_filter as[TRACK_PASSING];
-    double unfit[TRACK_PASSING]; /* looks, since one fitted */
+    struct track_filter as[TRACK_PASSING]; /* of the middle, over ground */
+    double unfit[TRACK_PASSING];           /* looks, since one fitted */
 };
 
-/* Where the bright spot of a body is from its middle, over ground: u along its way,
+/* Where the bright spot of a body is from its middle, m, over ground: u along its way,
  * sight away from the array, both of length 1.  Who goes no faster than somebody runs may
  * be one who does, and short. */
 void track_passing_spot(int as, double speed_m_s, const double u[2],
                         const double sight[2], double out[2]);
 
-/* The power density of the acceleration of who walks, and more that is not known of the
- * vehicle's. */
+/* After dt_s >= 0: the power density of the acceleration of who walks, and more that is
+ * not known of the vehicle's. */
 void track_passing_predict(struct track *k, double dt_s, double psd_m2_s3,
                            double lost_psd_m2_s3);
 
-/* How well a detection fits as the spot of a car.  What may be a bicycle is not looked
+/* How well a detection of the scan, which is in t->positions, fits as the spot of a car;
+ * INFINITY: it does not pass.  What may be a bicycle is not looked
  * for in images with what stands in them, where much would fit. */
 struct track_match track_passing_match(const struct tracker *t, const struct track *k,
                                        const struct track_scan *scan, size_t detection,

@@ -95,6 +95,31 @@ static void the_side_of_a_car_that_is_not_heard_is_on_its_far_side(void **state)
     assert_near(r->reports[0].extent_m[0], 1.6, 0.15);
 }
 
+/* As wide as a car is, and wider. */
+static void corners_of_one_front_are_one_body(void **state)
+{
+    struct track_rig *r = *state;
+
+    for (int k = 0; k < 40; k++) {
+        see(r, 3.0, -4.0 + 4.0 * FRAME_S * k);
+        see(r, 4.2, -4.0 + 4.0 * FRAME_S * k);
+        track_rig_step(r);
+    }
+    assert_int_equal(count(r), 1);
+}
+
+static void two_that_drive_abreast_stay_two(void **state)
+{
+    struct track_rig *r = *state;
+
+    for (int k = 0; k < 40; k++) {
+        see(r, 3.0, -4.0 + 4.0 * FRAME_S * k);
+        see(r, 4.6, -4.0 + 4.0 * FRAME_S * k);
+        track_rig_step(r);
+    }
+    assert_int_equal(count(r), 2);
+}
+
 static void two_who_walk_side_by_side_stay_two(void **state)
 {
     struct track_rig *r = *state;
@@ -222,6 +247,8 @@ int main(void)
         TEST(panels_of_a_car_become_one_track_with_its_size),
         TEST(what_is_heard_later_of_a_car_does_not_hold_it_up),
         TEST(the_side_of_a_car_that_is_not_heard_is_on_its_far_side),
+        TEST(corners_of_one_front_are_one_body),
+        TEST(two_that_drive_abreast_stay_two),
         TEST(two_who_walk_side_by_side_stay_two),
         TEST(two_that_drive_one_after_the_other_stay_two),
         TEST(two_that_meet_stay_two),
