@@ -112,6 +112,9 @@ int endpoint_lock(const char *run_dir, const char *node, bool replay, struct err
     return fd;
 }
 
+/* -- how one hears of them --------------------------------------------------------------
+ */
+
 #define LOCK_NAME "discovery.lock"
 
 #define MOST_WAITING 16 /* of those who wait for one topic: more are not waited for */

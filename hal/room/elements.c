@@ -12,6 +12,9 @@
 #include "hal/room/vector.h"
 #include "hal/survey/response_file.h"
 
+/* -- where they stand -------------------------------------------------------------------
+ */
+
 enum { STREAM_SPEAKERS = 5, STREAM_MICROPHONES = 6, STREAM_STAGE = 7 };
 
 /* nominal NULL: 0. */
@@ -110,6 +113,9 @@ void pose_clear(struct pose *p)
     *p = (struct pose){.survey = NULL};
 }
 
+/* -- what the microphones make of it ----------------------------------------------------
+ */
+
 enum { N_POINTS = 200, N_WAVES = 4, STREAM_CURVE = 3, STREAM_GAIN = 4 };
 #define LOWEST_HZ 20.0
 
@@ -166,6 +172,9 @@ void microphones_respond(const struct survey *s, double level, double gain_db,
         }
     }
 }
+
+/* -- what is wrong with them ------------------------------------------------------------
+ */
 
 enum { STREAM_FAULTS = 9 };
 

@@ -179,6 +179,9 @@ void wave_add(const struct wave *w, const struct wave_axis *axis, float amplitud
     }
 }
 
+/* -- what is heard of it ----------------------------------------------------------------
+ */
+
 enum { POINT, FACET, WAVES };
 
 struct emitter {

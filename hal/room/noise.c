@@ -183,6 +183,9 @@ void noise_add(const struct noise *x, const struct drive *drive, double t_s,
         random_add_noise(&random, samples + m * stride, n, rms);
 }
 
+/* -- other arrays -----------------------------------------------------------------------
+ */
+
 enum { STREAM_INTERFERER = 16, RING_SAMPLES = 256 };
 #define SLOWEST_SOUND 0.85 /* of the nominal speed, with 30 K of drift */
 

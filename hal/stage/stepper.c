@@ -247,6 +247,9 @@ enum stepper_end stepper_go(struct stepper *s, struct stepper_run *run)
                  0);
 }
 
+/* -- an axis: home, switches, metres ----------------------------------------------------
+ */
+
 #define SLOW_PART    0.1 /* of the homing speed: the second, exact approach */
 #define RANGE_MARGIN 1.2 /* of the range: farther away there is no home switch */
 #define LEAVE_TIMES  5   /* back-offs: a home switch that is not open by then is stuck */

@@ -289,6 +289,9 @@ void bag_iterator_close(struct bag_iterator *t)
     free(t);
 }
 
+/* -- what is said otherwise than it was recorded ----------------------------------------
+ */
+
 static const ProtobufCFieldDescriptor *find(const ProtobufCMessageDescriptor *d,
                                             const char *name)
 {

@@ -22,6 +22,9 @@
 /* The geometry of a recording as files and in short (msgs/bag/manifest.h), from a
  * message of topic "survey". */
 
+/* -- what belongs to a survey -----------------------------------------------------------
+ */
+
 struct survey_attachments { /* starts as {0} */
     uint64_t id;            /* of the survey; 0: none yet */
     struct attachments files;
@@ -148,6 +151,9 @@ static int survey_attachments_write(const struct survey_attachments *s, int64_t 
 
 /* What a recording has of each topic. */
 
+/* -- what came, and what was lost -------------------------------------------------------
+ */
+
 /* 0, -ENOMEM. */
 static int balance_init(struct balance *t, const struct topic *const *topics, size_t n,
                         int64_t now_ns)
@@ -250,6 +256,9 @@ static void balance_clear(struct balance *t)
     free(t->list);
     *t = (struct balance){0};
 }
+
+/* -- the recorder -----------------------------------------------------------------------
+ */
 
 #define CHUNK_SIZE      (4u << 20)
 #define SURVEY_WAIT_NS  2000000000LL /* twice the survey's period */

@@ -19,6 +19,9 @@
 #include "nodes/record/revision.h"
 #include "nodes/rt/uri.h"
 
+/* -- pairs of a metadata record ---------------------------------------------------------
+ */
+
 void pairs_text(struct pairs *p, const char *key, const char *value)
 {
     bag_map_put(&p->map, bytes_of(key), bytes_of(value));
@@ -61,6 +64,9 @@ void pairs_clear(struct pairs *p)
 {
     bytes_free(&p->map);
 }
+
+/* -- attachments ------------------------------------------------------------------------
+ */
 
 static const char *media_type(const char *name)
 {
@@ -189,6 +195,9 @@ void attachments_clear(struct attachments *c)
     free(c->items);
     *c = (struct attachments){0};
 }
+
+/* -- the session ------------------------------------------------------------------------
+ */
 
 #define LEFT_OUT_SIZE 300 /* of a reason */
 

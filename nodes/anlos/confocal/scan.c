@@ -196,6 +196,9 @@ void confocal_scan_clear(struct confocal_scan *s)
     memset(s, 0, sizeof *s);
 }
 
+/* -- its waves --------------------------------------------------------------------------
+ */
+
 #define PADDING  1.3  /* keeps a trace's end from its beginning */
 #define TAPER    0.05 /* of a trace, at both ends */
 #define PARTS    64   /* of the spectrum, in which the band is looked for */
