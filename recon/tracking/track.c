@@ -279,31 +279,28 @@ static void judge_rest(const struct tracker *t, const struct track_scan *scan,
         k->moves_ns = scan->stamp_ns;
 }
 
-/* Who walks behind an edge, or off the end of a wall, is heard in part for a moment, ever
- * fainter, and that part stays where the edge is.  Of what is much fainter than it was
- * less is believed. */
-static void doubt_faint(struct track *k, double power, double fresh,
-                        struct track_position *p)
+/* Who goes behind an edge, or off the end of a wall, is heard in part for a moment, ever
+ * fainter, and that part stays where the edge is.  What is much fainter than it was has a
+ * covariance that is so many times as large.  Of a car now this panel mirrors, now that
+ * one. */
+static double doubt_faint(struct track *k, double power, double fresh)
 {
     double usual = k->usual > 0.0 ? k->usual : power;
-    double faint = FAINT * usual / power;
+    double faint = fmax(FAINT * usual / power, 1.0);
 
     k->usual = usual + fresh / USUAL_LOOKS * (power - usual);
-    for (int a = 0; faint > 1.0 && a < 2; a++)
-        for (int b = 0; b < 2; b++)
-            p->covariance_m2[a][b] *= faint * faint;
+    return k->outline.car ? 1.0 : faint * faint;
 }
 
 /* Who walks has two models, and of his height no noise. */
-static void update_filter(struct track *k, double power, double fresh,
-                          struct track_position *p, int64_t now_ns)
+static void update_filter(struct track *k, double doubt, struct track_position *p,
+                          int64_t now_ns)
 {
     bool walks = track_outline_may_walk(k);
 
-    if (walks) {
+    if (walks)
         memcpy(p->covariance_m2, p->walker_m2, sizeof p->covariance_m2);
-        doubt_faint(k, power, fresh, p);
-    }
+    track_position_doubt(p, doubt);
     if (walks && !k->models.begun)
         track_models_begin(&k->models, &k->filter);
     k->models.begun = walks || (k->models.begun && track_outline_is_slow(k));
@@ -386,6 +383,7 @@ static void continue_track(struct tracker *t, const struct track_scan *scan, siz
     track_life_update(&k->life, &t->life, true, ratio, fresh);
     follow_course(t, scan, k);
     prove(t, scan, k);
+    double doubt = doubt_faint(k, scan->detections[k->detection].power, fresh);
     if (k->body.n) {
         k->models.begun = false;
         k->past.n = 0;
@@ -394,15 +392,14 @@ static void continue_track(struct tracker *t, const struct track_scan *scan, siz
         for (int a = 0; k->models.begun && a < 2; a++)
             middle.at_m[a] += middle.middle_m[a];
         track_filter_update(&k->steady, &middle);
-        update_filter(k, scan->detections[k->detection].power, fresh, &middle,
-                      scan->stamp_ns);
+        update_filter(k, doubt, &middle, scan->stamp_ns);
     }
     measure_height(t, &scan->detections[k->detection], k);
     for (int a = 0; a < 3; a++)
         k->extent_m[a] += EXTENT_SHARE * (extent_m[a] - k->extent_m[a]);
     track_turn(t->pose.dyaw, scan->detections[k->detection].sight, k->body.sight);
     track_outline_update(k, t->pose.dyaw);
-    track_passing_update(t, k, fresh);
+    track_passing_update(t, k, fresh, doubt);
     k->motion = judge_motion(k);
     judge_rest(t, scan, fresh, k);
     track_mirror_measured(t, scan, k, scan->detections[k->detection].mirror);

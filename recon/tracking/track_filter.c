@@ -160,6 +160,13 @@ void track_filter_update(struct track_filter *f, const struct track_position *p)
     update_velocity(f, p);
 }
 
+void track_position_doubt(struct track_position *p, double times)
+{
+    for (int a = 0; a < 2; a++)
+        for (int b = 0; b < 2; b++)
+            p->covariance_m2[a][b] *= times;
+}
+
 void track_filter_start(struct track_filter *f, const struct track_position *p,
                         double speed_m_s)
 {

@@ -42,6 +42,9 @@ void track_filter_start(struct track_filter *f, const struct track_position *p,
 /* psd_m2_s3: power density of the acceleration on each axis; dt_s >= 0. */
 void track_filter_predict(struct track_filter *f, double dt_s, double psd_m2_s3);
 
+/* Its covariance is so many times as large. */
+void track_position_doubt(struct track_position *p, double times);
+
 struct track_match {
     double distance2; /* Mahalanobis, squared, with the height where it is measured */
     double density;   /* of the measured position in the plane, 1/m^2 */

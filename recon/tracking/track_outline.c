@@ -14,6 +14,7 @@
 #define CAR_M          1.9  /* a body that is longer is no bicycle, */
 #define SMEAR_M        0.4  /* nor is one place that is longer by so much: a car, */
 #define CAR_WIDER_M    0.6  /* as is one of several places that is wider; */
+#define SURELY_CAR_M   3.0  /* one that is longer is none whatever its spots do; */
 #define CAR_LENGTH_M   4.2  /* so long and so wide, */
 #define CAR_WIDTH_M    1.7
 #define CAR_SHARE      0.5         /* what is fast and was heard shorter is either */
@@ -142,6 +143,8 @@ static void widen(struct track *k, const double u[2])
         o->car |= length_m >= CAR_M + (k->body.n ? 0.0 : SMEAR_M);
     if (k->body.n && o->fast)
         o->car |= o->high_m[1] - o->low_m[1] > CAR_WIDER_M;
+    o->car |= track_passing_fits_car(k);
+    o->car &= o->longest_m > SURELY_CAR_M || !track_passing_fits_bicycle(k);
     o->glint |= is_left_behind(k);
     if (!o->car || unheard_m <= 0.0)
         return;

@@ -10,12 +10,12 @@
  *
  * A car shows a flank that is as thin as a bicycle, and bright where it mirrors only: the
  * rest of it is behind that, on both sides.  As long as no more of it was heard than a
- * bicycle has, it is taken for one, and the car that it may be, behind the corner that is
- * heard, is in its covariance.  There the glint stays while the car drives on, or slides
- * along with a part of its speed, and tells neither where along the flank it is nor how
- * fast that goes: what is left behind faster than anything brakes has a flank's
- * uncertainty.  It is told where it is heard all the same, for the rear of a bicycle that
- * goes out of sight looks like that too.
+ * bicycle has, and its spots fit one (track_passing.h), it is taken for one, and the car
+ * that it may be, behind the corner that is heard, is in its covariance.  There the glint
+ * stays while the car drives on, or slides along with a part of its speed, and tells
+ * neither where along the flank it is nor how fast that goes: what is left behind faster
+ * than anything brakes has a flank's uncertainty.  It is told where it is heard all the
+ * same, for the rear of a bicycle that goes out of sight looks like that too.
  *
  * What is faster than a walker is as long as a bicycle at least.  Where its middle is
  * follows from the direction that it is heard in (track_passing.h); where that is not

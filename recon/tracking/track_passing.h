@@ -9,6 +9,8 @@
  * third, a bicycle by a sixth.  So where the bright spot is on the body follows from the
  * direction that it is heard in (of a box with rounded corners, here), and a filter of
  * its own, beside that of what is heard, knows the middle, once for each kind of body.
+ * Which kind it is shows when it goes by: the spot on a car runs along its flank, and as
+ * one on a bicycle that fits badly; where nothing runs, it fits badly as a car.
  * (That what reflects of a body depends on its aspect: Hammarstrand, Lundgren and
  * Svensson 2012, "Adaptive radar sensor model for tracking structured extended objects",
  * IEEE Trans. AES 48(3).)
@@ -31,7 +33,8 @@ struct track_scan;
 struct track_passing {
     bool begun;
     struct track_filter as[TRACK_PASSING]; /* of the middle, over ground */
-    double unfit[TRACK_PASSING];           /* looks, since one fitted */
+    double fits_car;             /* than as a bicycle: logarithm of how much better */
+    double unfit[TRACK_PASSING]; /* looks, since one fitted */
 };
 
 /* Where the bright spot of a body is from its middle, m, over ground: u along its way,
@@ -52,9 +55,14 @@ struct track_match track_passing_match(const struct tracker *t, const struct tra
                                        const struct track_scan *scan, size_t detection,
                                        double fresh);
 
-/* After a look, which its other filters have taken; for as long as it is fast, or a
- * car. */
-void track_passing_update(const struct tracker *t, struct track *k, double fresh);
+/* After a look, which its other filters have taken, with a covariance that is `doubt` >=
+ * 1 times as large as usual; for as long as it is fast, or a car. */
+void track_passing_update(const struct tracker *t, struct track *k, double fresh,
+                          double doubt);
+
+/* As which of both its spots have fitted; neither, as long as that is open. */
+bool track_passing_fits_car(const struct track *k);
+bool track_passing_fits_bicycle(const struct track *k);
 
 /* What it is told by; NULL: what is heard.  No spot is faster than its body for long: of
  * a car it is the faster one of both. */

@@ -29,7 +29,7 @@ struct track {
     double missed;             /* looks, since it was seen */
     int64_t moves_ns;          /* when it was last seen to move by itself; 0: never */
     double extent_m[3], power; /* of its strongest detections, lately */
-    double usual;              /* the same over more looks, while it walks; 0: not yet */
+    double usual;              /* the same over more looks; 0: not yet */
     double height_m2[2][2];    /* by the height that is assumed, over ground */
     struct track_body body;
     struct track_outline outline;

@@ -121,6 +121,68 @@ static void a_car_is_told_as_fast_as_it_is_and_in_its_middle(void **state)
     assert_true(sqrt(dv2 / n) < 0.5);
 }
 
+/* Of which one corner is heard, by the strongest of its spots, and never its width: that
+ * runs along its flank as it goes by, and no bicycle has anything so far before its
+ * middle and then so far behind it. */
+static void a_car_is_known_by_the_spot_that_runs_along_it(void **state)
+{
+    struct track_rig *r = *state;
+
+    for (double y = -6.0; y < 3.0; y += 5.0 * FRAME_S) {
+        hear_nearest(r, y, 1.9);
+        track_rig_step(r);
+        if (y < 1.0)
+            continue;
+        assert_int_equal(r->n, 1);
+        assert_true(r->reports[0].extent_m[0] > 1.5);
+        assert_near(r->reports[0].position_m[0], FLANK_M + 0.85, 0.4);
+        assert_near(r->reports[0].position_m[1], y, 1.2);
+    }
+}
+
+/* As wide as a car, by what he carries; but nothing runs along him. */
+static void a_cyclist_with_a_ladder_is_known_as_one_when_he_has_passed(void **state)
+{
+    struct track_rig *r = *state;
+    bool wide = false;
+
+    for (double y = -4.0; y < 4.0; y += 4.0 * FRAME_S) {
+        hear_nearest(r, y, 0.4);
+        if (y < 0.0)
+            hear(r, FLANK_M + 0.8, y, 0.3);
+        track_rig_step(r);
+        wide |= r->n && y < -1.0 && r->reports[0].extent_m[0] > 1.5;
+        if (y < 2.0)
+            continue;
+        assert_int_equal(r->n, 1);
+        assert_true(r->reports[0].extent_m[0] < 1.5);
+        assert_near(r->reports[0].position_m[1], y, 0.4);
+        assert_near(r->reports[0].velocity_m_s[1], 4.0, 0.6);
+    }
+    assert_true(wide);
+}
+
+/* What is left of him in front of the edge is 13 dB fainter, and stays. */
+static void who_rides_behind_an_edge_has_gone_on(void **state)
+{
+    struct track_rig *r = *state;
+    double y = -3.0;
+
+    for (; y < 1.0; y += 3.0 * FRAME_S) {
+        hear_nearest(r, y, 0.1);
+        track_rig_step(r);
+    }
+    for (int k = 0; k < 3; k++, y += 3.0 * FRAME_S)
+        track_rig_step(r);
+    for (int k = 0; k < 4; k++, y += 3.0 * FRAME_S) {
+        hear(r, FLANK_M, 0.9, 0.05);
+        track_rig_step(r);
+        assert_int_equal(r->n, 1);
+        assert_near(r->reports[0].position_m[1], y, 0.5);
+        assert_near(r->reports[0].velocity_m_s[1], 3.0, 0.7);
+    }
+}
+
 /* Its front corner, as it comes; in images with what stands a car has to be known. */
 static void a_spot_of_a_car_is_looked_for(void **state)
 {
@@ -134,7 +196,7 @@ static void a_spot_of_a_car_is_looked_for(void **state)
     struct track_filter *f = &k->passing.as[TRACK_AS_CAR];
     f->state[0] = FLANK_M + 0.85;
     f->state[1] = -4.9;
-    f->state[3] = 4.0;
+    f->state[3] = k->filter.state[3] = 4.0;
     for (int a = 0; a < 4; a++)
         f->covariance[a][a] = 0.01;
     f->height_m = 0.5;
@@ -158,6 +220,9 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_spot_is_where_the_body_faces_the_array),
         cmocka_unit_test(a_runner_is_heard_in_his_middle),
+        TEST(a_car_is_known_by_the_spot_that_runs_along_it),
+        TEST(a_cyclist_with_a_ladder_is_known_as_one_when_he_has_passed),
+        TEST(who_rides_behind_an_edge_has_gone_on),
         TEST(a_spot_of_a_car_is_looked_for),
         TEST(a_cyclist_is_told_as_fast_as_he_is_and_in_his_middle),
         TEST(who_stops_after_a_run_is_told_where_he_is),
