@@ -9,10 +9,10 @@
 #include <time.h>
 #include <unistd.h>
 
-/* Before the stage's thread in priority: when the machine has stalled and both are late,
- * a pulse is seen before it ends. */
+/* Before the stage's thread in priority: of the two, when both wake at once, it looks
+ * first. */
 #define PRIORITY 80
-#define LOOKS    4 /* in a pulse; each costs this kernel about 0.3 ms */
+#define LOOKS    4 /* in a pulse; each costs the host about 0.3 ms */
 
 struct gpio_rail_insides {
     int value[RAIL_LINES], pull[RAIL_LINES];

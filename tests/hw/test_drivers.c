@@ -136,8 +136,7 @@ static void the_chip_has_sixteen_named_lines_whose_pulls_are_edges(void **state)
     close(chip);
 }
 
-/* At 8 kHz the loopback's buffer of 2 MB lasts for seconds, longer than a busy host
- * stalls. */
+/* The buffer holds all that is played before it starts. */
 static snd_pcm_t *pcm_open(const char *device, snd_pcm_stream_t direction)
 {
     snd_pcm_t *pcm;

@@ -81,15 +81,42 @@ test_files_come_back_in_the_folder_of_results_and_nowhere_else() {
 }
 
 test_what_the_program_leaves_running_does_not_keep_the_guest() {
-    run "$guest" --timeout 120 -- bash -c 'sleep 1000 & echo started'
+    run "$guest" --timeout 120 -- bash -c 'sleep infinity & echo started'
     expect_code 0
     expect_text "started"
 }
 
 test_a_guest_that_is_not_done_in_time_is_ended() {
-    run "$guest" --timeout 2 -- sleep 1000
+    run "$guest" --timeout 2 -- sleep infinity
     expect_code 99
     expect_text "not done after 2 s"
+}
+
+# Sets between: the ns from one `date +%s%N` in the output to the next.
+read_clock() {
+    local times
+    expect_code 0
+    mapfile -t times < <(grep -x '[0-9]*' <<<"$output")
+    between=$((${times[1]:-0} - ${times[0]:-0}))
+}
+
+# Before 300 s of the host's are over.
+test_while_all_wait_the_clock_leaps() {
+    local between
+    run "$guest" --timeout 300 -- bash -c 'date +%s%N; sleep 1000; date +%s%N'
+    read_clock
+    ((between >= 1000000000000)) || complain "the clock went on by $between ns"
+}
+
+# What the host takes a second or more for is no time in the guest.
+test_while_one_computes_the_clock_stands() {
+    local between
+    # shellcheck disable=SC2016  # for perl to expand
+    run "$guest" --timeout 300 -- bash -c \
+        'date +%s%N; perl -e "\$x += \$_ for 1 .. 3e7"; date +%s%N'
+    read_clock
+    ((between > 0 && between < 2000000)) ||
+        complain "the clock went on by $between ns"
 }
 
 # In so little memory it cannot even start.
@@ -103,7 +130,7 @@ test_a_guest_that_dies_says_its_last_words() {
 test_a_signal_ends_the_guest_and_leaves_nothing() {
     local process state line=
     mkfifo "$work/said"
-    "$guest" -- bash -c 'echo running; exec sleep 1000' >"$work/said" 2>/dev/null &
+    "$guest" -- bash -c 'echo running; exec sleep infinity' >"$work/said" 2>/dev/null &
     process=$!
     read -r -t 120 line <"$work/said" || true
     [ "$line" = running ] || complain "is not running"
