@@ -399,7 +399,7 @@ static void continue_track(struct tracker *t, const struct track_scan *scan, siz
         k->extent_m[a] += EXTENT_SHARE * (extent_m[a] - k->extent_m[a]);
     track_turn(t->pose.dyaw, scan->detections[k->detection].sight, k->body.sight);
     track_outline_update(k, t->pose.dyaw);
-    track_passing_update(t, k, fresh, doubt);
+    track_passing_update(t, scan, k, fresh, doubt);
     k->motion = judge_motion(k);
     judge_rest(t, scan, fresh, k);
     track_mirror_measured(t, scan, k, scan->detections[k->detection].mirror);

@@ -9,7 +9,6 @@
 #define RUNS_M_S    2.25 /* so fast somebody may run, who is short, */
 #define RIDES_M_S   3.0  /* and so fast he rides */
 #define UNFIT_LOOKS 2.0  /* by then it is begun anew from what is heard */
-#define FASTER      0.3  /* that a body may be than what is heard of it, one sigma */
 
 /* Logarithms of how much better it fits as the one than as the other, and at most.  In 24
  * drives of another simulator bicycles came to half the first at most, and no car that
@@ -97,10 +96,6 @@ static void begin(struct track *k, int as)
         for (int b = 0; b < 2; b++)
             f->covariance[a][b] += p.covariance_m2[a][b];
     }
-    for (int a = 0; a < 2; a++)
-        for (int b = 0; b < 2; b++)
-            f->covariance[2 + a][2 + b] += FASTER * FASTER * f->state[2 + a] *
-                                           f->state[2 + b];
 }
 
 /* The strongest of what is the track's own: what is heard of it besides, a wheel or the
@@ -145,8 +140,8 @@ struct track_match track_passing_match(const struct tracker *t, const struct tra
     return track_filter_match(&k->passing.as[TRACK_AS_CAR], &p);
 }
 
-void track_passing_update(const struct tracker *t, struct track *k, double fresh,
-                          double doubt)
+void track_passing_update(const struct tracker *t, const struct track_scan *scan,
+                          struct track *k, double fresh, double doubt)
 {
     double distance2[TRACK_PASSING] = {0.0}, *fits = &k->passing.fits_car;
     bool passes = (k->outline.fast || k->outline.car) &&
@@ -158,7 +153,8 @@ void track_passing_update(const struct tracker *t, struct track *k, double fresh
         if (!k->passing.begun || k->passing.unfit[as] > UNFIT_LOOKS)
             begin(k, as);
     }
-    *fits += 0.5 * fresh * (distance2[TRACK_AS_BICYCLE] - distance2[TRACK_AS_CAR]);
+    if (!scan->standing_left)
+        *fits += 0.5 * fresh * (distance2[TRACK_AS_BICYCLE] - distance2[TRACK_AS_CAR]);
     *fits = fmin(fmax(*fits, -FITS_MOST), FITS_MOST);
     k->passing.begun = passes;
 }

@@ -49,16 +49,16 @@ void track_passing_predict(struct track *k, double dt_s, double psd_m2_s3,
                            double lost_psd_m2_s3);
 
 /* How well a detection of the scan, which is in t->positions, fits as the spot of a car;
- * INFINITY: it does not pass.  What may be a bicycle is not looked
- * for in images with what stands in them, where much would fit. */
+ * INFINITY: it does not pass.  What may be a bicycle is not looked for in images with
+ * what stands in them, where much would fit; nor do its spots tell there what it is. */
 struct track_match track_passing_match(const struct tracker *t, const struct track *k,
                                        const struct track_scan *scan, size_t detection,
                                        double fresh);
 
 /* After a look, which its other filters have taken, with a covariance that is `doubt` >=
  * 1 times as large as usual; for as long as it is fast, or a car. */
-void track_passing_update(const struct tracker *t, struct track *k, double fresh,
-                          double doubt);
+void track_passing_update(const struct tracker *t, const struct track_scan *scan,
+                          struct track *k, double fresh, double doubt);
 
 /* As which of both its spots have fitted; neither, as long as that is open. */
 bool track_passing_fits_car(const struct track *k);
