@@ -14,7 +14,7 @@
 #define CAR_M          1.9  /* a body that is longer is no bicycle, */
 #define SMEAR_M        0.4  /* nor is one place that is longer by so much: a car, */
 #define CAR_WIDER_M    0.6  /* as is one of several places that is wider; */
-#define SURELY_CAR_M   3.0  /* one that is longer is none whatever its spots do; */
+#define SURELY_CAR_M   3.0  /* what is longer stays one, whatever its spots do; */
 #define CAR_LENGTH_M   4.2  /* so long and so wide, */
 #define CAR_WIDTH_M    1.7
 #define CAR_SHARE      0.5         /* what is fast and was heard shorter is either */

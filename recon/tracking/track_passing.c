@@ -10,9 +10,7 @@
 #define RIDES_M_S   3.0  /* and so fast he rides */
 #define UNFIT_LOOKS 2.0  /* by then it is begun anew from what is heard */
 
-/* Logarithms of how much better it fits as the one than as the other, and at most.  In 24
- * drives of another simulator bicycles came to half the first at most, and no car that
- * was followed all the way ended below minus the second. */
+/* Logarithms of how much better it fits as the one than as the other, and at most. */
 #define CAR_FITS     0.6
 #define BICYCLE_FITS 0.3
 #define FITS_MOST    3.0

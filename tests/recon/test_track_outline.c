@@ -191,6 +191,30 @@ static void a_bicycle_has_no_far_side(void **state)
     assert_near(in[1], 0.5 * 1.7, 1e-9);
 }
 
+/* Heard 0.8 m long, and once the spot has told the one from the other. */
+static void spots_tell_a_car_from_a_bicycle_but_not_one_of_3_m(void **state)
+{
+    struct track k;
+
+    (void)state;
+    start(&k, 4.0, 0.8);
+    settle(&k);
+    assert_false(k.outline.car);
+    k.passing.fits_car = 1.0;
+    settle(&k);
+    assert_true(k.outline.car);
+    k.passing.fits_car = 0.0; /* neither fits: it stays what it is */
+    settle(&k);
+    assert_true(k.outline.car);
+    k.passing.fits_car = -1.0;
+    settle(&k);
+    assert_false(k.outline.car);
+    start(&k, 4.0, 3.2);
+    k.passing.fits_car = -1.0;
+    settle(&k);
+    assert_true(k.outline.car);
+}
+
 /* A smooth flank is heard as one thin place, longer than bicycles and their smear; later
  * only where it mirrors. */
 static void a_flank_is_the_side_of_a_car(void **state)
@@ -388,6 +412,7 @@ int main(void)
         cmocka_unit_test(what_slows_down_does_not_jump),
         cmocka_unit_test(the_far_side_of_a_car_is_where_no_sound_comes_from),
         cmocka_unit_test(a_bicycle_has_no_far_side),
+        cmocka_unit_test(spots_tell_a_car_from_a_bicycle_but_not_one_of_3_m),
         cmocka_unit_test(a_flank_is_the_side_of_a_car),
         cmocka_unit_test(a_middle_is_behind_the_front_that_is_heard),
         cmocka_unit_test(what_is_longer_than_a_person_may_be_a_car),

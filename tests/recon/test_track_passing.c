@@ -3,6 +3,7 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "recon/tracking/track_state.h"
 #include "tests/recon/track_rig.h"
@@ -212,6 +213,38 @@ static void a_spot_of_a_car_is_looked_for(void **state)
     free(t);
 }
 
+/* A front corner fits the car; but where what stands is in the image too, the spot may be
+ * of that. */
+static void what_stands_tells_of_no_car(void **state)
+{
+    struct tracker *t = calloc(1, sizeof *t);
+    struct track_rig *r = *state;
+
+    assert_non_null(t);
+    t->cfg.gate2 = 13.8;
+    hear(r, FLANK_M, -3.0, 1.0);
+    track_place(t, &r->scan, 1.0);
+    for (int standing = 0; standing < 2; standing++) {
+        struct track k = {.passing.begun = true, .outline.fast = true};
+        k.filter.state[3] = 4.0;
+        memcpy(k.body.sight, r->sight, sizeof k.body.sight);
+        for (int as = 0; as < TRACK_PASSING; as++) {
+            k.passing.as[as] = (struct track_filter){
+                .state = {FLANK_M + 0.85, -4.9, 0.0, 4.0},
+                .height_m = 0.5,
+                .height_m2 = 0.25,
+            };
+            for (int a = 0; a < 4; a++)
+                k.passing.as[as].covariance[a][a] = 0.01;
+        }
+        r->scan.standing_left = standing;
+        track_passing_update(t, &r->scan, &k, 1.0, 1.0);
+        assert_int_equal(track_passing_fits_car(&k), !standing);
+        assert_true(!standing || k.passing.fits_car == 0.0);
+    }
+    free(t);
+}
+
 #define TEST(name)                                                                       \
     cmocka_unit_test_setup_teardown(name, track_rig_setup, track_rig_teardown)
 
@@ -224,6 +257,7 @@ int main(void)
         TEST(a_cyclist_with_a_ladder_is_known_as_one_when_he_has_passed),
         TEST(who_rides_behind_an_edge_has_gone_on),
         TEST(a_spot_of_a_car_is_looked_for),
+        TEST(what_stands_tells_of_no_car),
         TEST(a_cyclist_is_told_as_fast_as_he_is_and_in_his_middle),
         TEST(who_stops_after_a_run_is_told_where_he_is),
         TEST(a_car_is_told_as_fast_as_it_is_and_in_its_middle),
