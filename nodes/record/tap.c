@@ -6,6 +6,7 @@
 #include <stdlib.h>
 
 #include "nodes/rt/patterns.h"
+#include "nodes/rt/process.h"
 
 /* The first pattern that no topic matches, in out. */
 static bool finds_stray(const char *patterns, char out[PATTERN_SIZE])
@@ -50,6 +51,7 @@ void choice_clear(struct choice *c)
 }
 
 #define COUNT_PERIOD_NS 100000000LL
+#define TRIM_PERIOD_NS  10000000000LL
 #define NS_PER_MS       1000000LL
 #define QUIET_MS        300 /* also where this process does not run for a moment */
 #define LAST_NS         2000000000LL /* to wait for what is on its way */
@@ -137,10 +139,22 @@ static int put(struct tap *t, struct bus_message *m, struct error *why)
     return err;
 }
 
+/* Messages pile up whenever the disk takes its time.  ZeroMQ takes the buffers that it
+ * reads into anew while it does: one that came above the pile stays there, with it all
+ * that the pile took, and each pile that is higher than those before would be growth. */
+static void trim_heap(struct tap *t, int64_t now_ns)
+{
+    if (now_ns < t->trim_due_ns)
+        return;
+    heap_trim();
+    t->trim_due_ns = now_ns + TRIM_PERIOD_NS;
+}
+
 static int tick(struct tap *t, struct error *why)
 {
     int64_t now = clock_now_ns(t->clock);
 
+    trim_heap(t, now);
     if (now >= t->count_due_ns) {
         count_lost(t);
         t->count_due_ns = now + COUNT_PERIOD_NS;

@@ -23,7 +23,7 @@ struct tap {
     size_t n_topics;
     const struct clock_source *clock;
     int64_t due_ns; /* when tap_step is to be called again; INT64_MAX: for a message */
-    int64_t count_due_ns;
+    int64_t count_due_ns, trim_due_ns;
     uint64_t messages, lost;  /* of its topics, taken and not */
     struct bus_count *counts; /* [room] */
     size_t room;

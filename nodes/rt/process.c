@@ -39,6 +39,11 @@ void heap_share(void)
     free(block);
 }
 
+void heap_trim(void)
+{
+    malloc_trim(0);
+}
+
 /* -- priority ---------------------------------------------------------------------------
  */
 

@@ -18,6 +18,11 @@ size_t processors_usable(void);
  * time. */
 void heap_share(void);
 
+/* Gives back what is free in the heap, also below blocks that stay: a small one that came
+ * last keeps what a pile of messages took.  For who has such blocks and runs for days,
+ * every few seconds.  Where memory is locked it is the heap's end alone. */
+void heap_trim(void);
+
 /* Who computes first on a busy machine: the processes of an array that stands have
  * real-time priorities (SCHED_FIFO) and locked memory where the system permits it, in the
  * order of how little a delay of theirs may be; else they are nice to nobody

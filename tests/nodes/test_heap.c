@@ -1,12 +1,14 @@
 /* SPDX-License-Identifier: MIT */
-/* heap_share, in a node, and a bag beside it: what the C library says of its heaps.
+/* heap_share, in a node, a bag and a tap beside it: what the C library says of its heaps.
  * AddressSanitizer has its own, of which it knows nothing. */
 #include "tests/hal/scratch.h"
 
 #include <malloc.h>
 #include <pthread.h>
+#include <sys/mman.h>
 
 #include "msgs/bag/writer.h"
+#include "nodes/record/tap.h"
 #include "nodes/rt/node.h"
 #include "nodes/rt/process.h"
 
@@ -120,6 +122,64 @@ static void what_a_bag_gathers_is_none_of_the_heap(void **state)
     pile(40, &full, &empty);
     assert_true(empty <= full - 2500000);
 }
+
+/* Bytes from one block to another that take memory. */
+static size_t there(const char *from, const char *to)
+{
+    static unsigned char pages[4096];
+    const size_t page = (size_t)sysconf(_SC_PAGESIZE);
+    char *begin = (char *)from + (page - (uintptr_t)from % page) % page;
+    size_t n = (size_t)(to - begin) / page, sum = 0;
+
+    assert_true(n <= sizeof pages);
+    assert_int_equal(mincore(begin, n * page, pages), 0);
+    for (size_t i = 0; i < n; i++)
+        sum += pages[i] & 1 ? page : 0;
+    return sum;
+}
+
+static void step(struct tap *t, struct fake_clock *clock, int64_t now_ns)
+{
+    struct error why = {""};
+
+    clock->now_ns = now_ns;
+    if (tap_step(t, 0, &why))
+        fail_msg("%s", why.text);
+}
+
+/* It stays in the heap, but takes no memory. */
+static void what_a_pile_took_below_a_block_that_stays_goes_in_a_recorder(void **state)
+{
+    const struct scratch *scratch = *state;
+    const struct bus_config cfg = {.run_dir = scratch->folder, .listen_only = true};
+    const int64_t start_ns = 1772366400000000000;
+    enum { N = 40, SIZE = 100000 };
+    struct fake_clock clock;
+    struct error why = {""};
+    struct bus *bus;
+    struct tap tap;
+    char *blocks[N], *last;
+
+    fake_clock_set(&clock, start_ns);
+    assert_int_equal(bus_create(&bus, &cfg, &why), 0);
+    assert_int_equal(tap_open(&tap, bus, NULL, NULL, NULL, 0, &clock.source), 0);
+    step(&tap, &clock, start_ns);
+    for (size_t i = 0; i < N; i++) {
+        assert_non_null(blocks[i] = malloc(SIZE));
+        memset(blocks[i], 1, SIZE);
+    }
+    assert_non_null(last = malloc(SIZE));
+    assert_true(last >= blocks[0] + N * SIZE);
+    for (size_t i = 0; i < N; i++)
+        free(blocks[i]);
+    step(&tap, &clock, start_ns + 9000000000);
+    assert_true(there(blocks[0], last) > (N - 1) * SIZE);
+    step(&tap, &clock, start_ns + 10000000000);
+    assert_true(there(blocks[0], last) < N * SIZE / 8);
+    free(last);
+    tap_close(&tap);
+    bus_destroy(bus);
+}
 #endif
 
 int main(void)
@@ -133,6 +193,9 @@ int main(void)
         cmocka_unit_test(what_a_few_messages_took_stays_what_a_pile_took_goes),
         cmocka_unit_test_setup_teardown(what_a_bag_gathers_is_none_of_the_heap,
                                         scratch_open, scratch_close),
+        cmocka_unit_test_setup_teardown(
+            what_a_pile_took_below_a_block_that_stays_goes_in_a_recorder, scratch_open,
+            scratch_close),
         cmocka_unit_test_setup_teardown(threads_of_a_node_share_one_heap, scratch_open,
                                         scratch_close),
     };
