@@ -26,7 +26,11 @@
 #define NAMELESS_LOOKS    2.0        /* what has no name yet ends unseen after them */
 #define LONGEST_S         60.0       /* nothing is predicted farther */
 #define REACH_M           1.0        /* existence is that of something so near */
-#define GLINT_STAYS_S     5.0 /* what does not walk, lost, is rather gone than hidden */
+#define GLINT_STAYS_S     5.0 /* what does not walk, lost, is rather gone than hidden, */
+#define BESIDE_M          4.2 /* as is what began so near to what is fast: a car's length */
+#define BEYOND_SIGMAS     2.0 /* a place is surely where it cannot be */
+#define BORDER_M          0.3 /* what is so near to it is heard at an image's border */
+#define BORDER_DOUBT      1e4 /* tells nothing of the place of what has gone on */
 #define SECOND_NS         1000000000u
 
 /* An echo may come from any height of a body: by how much bodies differ in the mean of
@@ -153,7 +157,7 @@ static void predict(struct tracker *t, double dt_s, bool ego_known)
         track_passing_predict(k, dt_s, t->cfg.acceleration_psd_m2_s3, lost);
         track_outline_predict(k, dt_s);
         struct track_life_config life = t->life;
-        if (!k->models.begun && k->state == TRACK_PREDICTED) {
+        if ((k->beside || !k->models.begun) && k->state == TRACK_PREDICTED) {
             life.hides_s = 0.0;
             life.survival_s = fmin(life.survival_s, GLINT_STAYS_S);
         }
@@ -361,6 +365,37 @@ static void prove(const struct tracker *t, const struct track_scan *scan, struct
         track_life_prove(&k->life, &t->life, COURSE_SURE);
 }
 
+static void from_ground(const struct tracker *t, const struct track *k, double p_m[3])
+{
+    const double at_m[3] = {k->filter.state[0], k->filter.state[1], k->filter.height_m};
+    ego_step_point(&t->pose, at_m, p_m);
+}
+
+/* What has left the image is heard at its border for a while, by its sidelobes, ever
+ * fainter.  Who walks may have stopped just outside: what is fast cannot. */
+static bool is_past_border(const struct tracker *t, const struct track_scan *scan,
+                           const struct track *k)
+{
+    const double *heard_m = scan->detections[k->detection].position_m;
+    const struct track_filter *f = &k->filter;
+    double at_m[3], way_m[2], v_m_s[2];
+
+    if (track_outline_is_slow(k) || !scan->shows)
+        return false;
+    from_ground(t, k, at_m);
+    for (int a = 0; a < 2; a++)
+        way_m[a] = at_m[a] - heard_m[a];
+    double length_m = hypot(way_m[0], way_m[1]);
+    double sigma_m_s = sqrt(0.5 * (f->covariance[2][2] + f->covariance[3][3]));
+    track_turn(-t->pose.dyaw, f->state + 2, v_m_s);
+    if (v_m_s[0] * way_m[0] + v_m_s[1] * way_m[1] <= 2.0 * sigma_m_s * length_m)
+        return false;
+    double part = BORDER_M / length_m;
+    const double on_m[3] = {heard_m[0] + part * way_m[0], heard_m[1] + part * way_m[1],
+                            heard_m[2]};
+    return !scan->shows(scan->context, at_m) && !scan->shows(scan->context, on_m);
+}
+
 /* The part of the scan's detections that belongs to the track. */
 static void continue_track(struct tracker *t, const struct track_scan *scan, size_t i,
                            const size_t *whose, double fresh)
@@ -374,7 +409,8 @@ static void continue_track(struct tracker *t, const struct track_scan *scan, siz
         track_body_match(k, k->body.n ? &t->positions[k->detection] : &middle, NULL);
     const struct track_match as_car =
         track_passing_match(t, k, scan, k->detection, fresh);
-    if (as_car.distance2 < t->cfg.gate2 && m.distance2 >= t->cfg.gate2) {
+    bool past = is_past_border(t, scan, k);
+    if (!past && as_car.distance2 < t->cfg.gate2 && m.distance2 >= t->cfg.gate2) {
         track_body_begin(k);
         m = as_car;
     }
@@ -384,10 +420,13 @@ static void continue_track(struct tracker *t, const struct track_scan *scan, siz
     follow_course(t, scan, k);
     prove(t, scan, k);
     double doubt = doubt_faint(k, scan->detections[k->detection].power, fresh);
+    if (past)
+        doubt = BORDER_DOUBT;
     if (k->body.n) {
         k->models.begun = false;
         k->past.n = 0;
-        track_body_update(t, scan, whose, i, fresh);
+        if (!past || k->outline.car) /* of a car the rear may be inside yet */
+            track_body_update(t, scan, whose, i, fresh);
     } else {
         for (int a = 0; k->models.begun && a < 2; a++)
             middle.at_m[a] += middle.middle_m[a];
@@ -405,12 +444,6 @@ static void continue_track(struct tracker *t, const struct track_scan *scan, siz
     track_mirror_measured(t, scan, k, scan->detections[k->detection].mirror);
     k->seen_ns = scan->stamp_ns;
     k->state = TRACK_MEASURED;
-}
-
-static void from_ground(const struct tracker *t, const struct track *k, double p_m[3])
-{
-    const double at_m[3] = {k->filter.state[0], k->filter.state[1], k->filter.height_m};
-    ego_step_point(&t->pose, at_m, p_m);
 }
 
 /* Two objects that run into one in the image leave one of them without a detection. */
@@ -510,11 +543,20 @@ static void name_confirmed(struct tracker *t, int64_t now_ns)
     }
 }
 
+/* Surely, where it is a car or a bicycle: what is heard of these wavers, and they are
+ * told before the mirror. */
 static bool is_past_its_mirror(const struct track *k)
 {
-    const double at_m[3] = {k->filter.state[0], k->filter.state[1], k->filter.height_m};
+    const struct track_filter *f = &k->filter;
+    const double at_m[3] = {f->state[0], f->state[1], f->height_m};
+    const double *n = k->mirror.normal;
+    double sigma2 = 0.0;
 
-    return k->state == TRACK_PREDICTED && track_mirror_beyond_m(&k->mirror, at_m) > 0.0;
+    for (int a = 0; a < 2 && !track_outline_is_slow(k); a++)
+        for (int b = 0; b < 2; b++)
+            sigma2 += n[a] * n[b] * f->covariance[a][b];
+    return k->state == TRACK_PREDICTED &&
+           track_mirror_beyond_m(&k->mirror, at_m) > BEYOND_SIGMAS * sqrt(sigma2);
 }
 
 /* Named tracks that end are told once; others are dropped at once. */
@@ -550,6 +592,17 @@ static void drop_deleted(struct tracker *t)
     t->n = kept;
 }
 
+static bool is_beside_fast(const struct tracker *t, const double at_m[2])
+{
+    for (size_t i = 0; i < t->n; i++) {
+        const struct track *k = &t->tracks[i];
+        if (k->id && (k->outline.fast || k->outline.car) &&
+            hypot(k->filter.state[0] - at_m[0], k->filter.state[1] - at_m[1]) < BESIDE_M)
+            return true;
+    }
+    return false;
+}
+
 static void start_track(struct tracker *t, const struct track_scan *scan,
                         const size_t *whose, double fresh)
 {
@@ -569,6 +622,7 @@ static void start_track(struct tracker *t, const struct track_scan *scan,
     track_life_start(&k->life, &t->life, t->cfg.new_existence * existence);
     k->state = TRACK_MEASURED;
     k->first_ns = k->seen_ns = scan->stamp_ns;
+    k->beside = is_beside_fast(t, k->filter.state);
     track_mirror_measured(t, scan, k, scan->detections[k->detection].mirror);
     follow_course(t, scan, k);
     prove(t, scan, k);

@@ -38,6 +38,7 @@ struct track {
     bool placed;                /* it was measured by way of it */
     double waited;              /* for that: looks in which no mirror showed it */
     bool merged;                /* into another one */
+    bool beside;                /* what is fast it began: it may be a part of that */
     double as_one;              /* looks, that it has gone with an older one as one */
     unsigned agreeing;          /* times in a row that phases had it go as it went, */
     double velocity_m_s[2];     /* by them with this velocity lately */

@@ -459,7 +459,7 @@ static void what_is_measured_beyond_is_reported_before_it(void **state)
 
 /* Nothing is heard of it in so many images, of which each is half a look, 0.1 s apart. */
 static enum track_state unheard(struct track_mirror by, double x_m, size_t n_mirrors,
-                                int images)
+                                int images, bool fast)
 {
     struct track_config cfg;
     struct tracker *t = NULL;
@@ -484,6 +484,7 @@ static enum track_state unheard(struct track_mirror by, double x_m, size_t n_mir
     k->life.confirmed = true;
     k->seen_ns = k->moves_ns = scan.stamp_ns;
     k->filter.state[0] = x_m;
+    k->outline.fast = fast;
     for (int i = 0; i < 4; i++)
         k->filter.covariance[i][i] = 0.01;
     k->steady = k->filter;
@@ -502,8 +503,18 @@ static void what_coasts_ends_at_its_mirror(void **state)
     const struct track_mirror wall = mirror(7, 1.0, 0.0, 5.0);
 
     (void)state;
-    assert_int_equal(unheard(wall, 4.94, 1, 1), TRACK_PREDICTED);
-    assert_int_equal(unheard(wall, 4.96, 1, 1), TRACK_DELETED);
+    assert_int_equal(unheard(wall, 4.94, 1, 1, false), TRACK_PREDICTED);
+    assert_int_equal(unheard(wall, 4.96, 1, 1, false), TRACK_DELETED);
+}
+
+/* 0.1 m is one sigma then. */
+static void what_is_fast_ends_where_it_is_surely_past_it(void **state)
+{
+    const struct track_mirror wall = mirror(7, 1.0, 0.0, 5.0);
+
+    (void)state;
+    assert_int_equal(unheard(wall, 5.13, 1, 1, true), TRACK_PREDICTED);
+    assert_int_equal(unheard(wall, 5.18, 1, 1, true), TRACK_DELETED);
 }
 
 /* After 0.75 looks. */
@@ -512,9 +523,9 @@ static void what_no_mirror_shows_ends_where_there_are_mirrors(void **state)
     const struct track_mirror none = {.id = 0};
 
     (void)state;
-    assert_int_equal(unheard(none, 7.0, 1, 1), TRACK_PREDICTED);
-    assert_int_equal(unheard(none, 7.0, 1, 2), TRACK_DELETED);
-    assert_int_equal(unheard(none, 7.0, 0, 2), TRACK_PREDICTED);
+    assert_int_equal(unheard(none, 7.0, 1, 1, false), TRACK_PREDICTED);
+    assert_int_equal(unheard(none, 7.0, 1, 2, false), TRACK_DELETED);
+    assert_int_equal(unheard(none, 7.0, 0, 2, false), TRACK_PREDICTED);
 }
 
 /* Where what stands is heard, 2 of 3 looks are 3 of 5, and one look stays one. */
@@ -569,6 +580,7 @@ int main(void)
         TEST(what_stands_asks_for_one_look_more),
         TEST(what_is_measured_beyond_is_reported_before_it),
         cmocka_unit_test(what_coasts_ends_at_its_mirror),
+        cmocka_unit_test(what_is_fast_ends_where_it_is_surely_past_it),
         cmocka_unit_test(what_no_mirror_shows_ends_where_there_are_mirrors),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

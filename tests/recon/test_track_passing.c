@@ -184,6 +184,64 @@ static void who_rides_behind_an_edge_has_gone_on(void **state)
     }
 }
 
+static bool shows_up_to_2_m(const void *context, const double p_m[3])
+{
+    (void)context;
+    return p_m[1] <= 2.0;
+}
+
+/* A cyclist's sidelobes are heard there for 0.6 s, as he goes on at 4 m/s. */
+static void what_is_heard_at_the_border_of_the_image_has_gone_on(void **state)
+{
+    struct track_rig *r = *state;
+    double y = -3.0;
+
+    r->scan.shows = shows_up_to_2_m;
+    for (; y < 4.4; y += 4.0 * FRAME_S) {
+        hear(r, FLANK_M, fmin(y + fmin(fmax(-y, -0.4), 0.4), 1.9), 1.0);
+        track_rig_step(r);
+    }
+    assert_int_equal(r->n, 1);
+    assert_near(r->reports[0].position_m[1], y, 0.6);
+    assert_near(r->reports[0].velocity_m_s[1], 4.0, 0.5);
+}
+
+/* But who walks may have stopped there. */
+static void a_walker_who_is_heard_at_the_border_is_there(void **state)
+{
+    struct track_rig *r = *state;
+
+    r->scan.shows = shows_up_to_2_m;
+    for (double y = -1.0; y < 4.0; y += 1.2 * FRAME_S) {
+        hear(r, FLANK_M, fmin(y, 1.9), 1.0);
+        track_rig_step(r);
+    }
+    assert_int_equal(r->n, 1);
+    assert_near(r->reports[0].position_m[1], 1.9, 0.3);
+    assert_near(r->reports[0].velocity_m_s[1], 0.0, 0.3);
+}
+
+/* Beside a cyclist and far from him; half a second after it was heard last. */
+static void what_began_beside_something_fast_is_rather_gone_than_hidden(void **state)
+{
+    struct track_rig *r = *state;
+    double existence[2] = {0.0};
+
+    for (double y = -4.0; y < 4.0; y += 4.0 * FRAME_S) {
+        hear_nearest(r, y, 0.4);
+        for (int far = 0; far < 2; far++)
+            if (y > -2.0 && y < 2.0)
+                hear(r, FLANK_M + 3.0 + 5.0 * far, 0.25 * y, 1.0);
+        track_rig_step(r);
+    }
+    for (size_t i = 0; i < r->n; i++)
+        if (r->reports[i].position_m[0] > FLANK_M + 2.0)
+            existence[r->reports[i].position_m[0] > FLANK_M + 6.0] =
+                r->reports[i].existence;
+    assert_true(existence[1] > 0.9);
+    assert_true(existence[0] < 0.75);
+}
+
 /* Its front corner, as it comes; in images with what stands a car has to be known. */
 static void a_spot_of_a_car_is_looked_for(void **state)
 {
@@ -256,6 +314,9 @@ int main(void)
         TEST(a_car_is_known_by_the_spot_that_runs_along_it),
         TEST(a_cyclist_with_a_ladder_is_known_as_one_when_he_has_passed),
         TEST(who_rides_behind_an_edge_has_gone_on),
+        TEST(what_is_heard_at_the_border_of_the_image_has_gone_on),
+        TEST(a_walker_who_is_heard_at_the_border_is_there),
+        TEST(what_began_beside_something_fast_is_rather_gone_than_hidden),
         TEST(a_spot_of_a_car_is_looked_for),
         TEST(what_stands_tells_of_no_car),
         TEST(a_cyclist_is_told_as_fast_as_he_is_and_in_his_middle),
