@@ -485,6 +485,7 @@ static int follow(struct object_tracker *t, const struct volume *volume,
         .fresh = t->stamp_ns && dt_s > 0.0
                      ? timing_fresh(&t->detector.survey, volume, dt_s, t->cfg.look_s)
                      : 1.0,
+        .span_s = 2.0 * timing_age_s(&t->detector.survey, volume),
         .clutter_m2 = t->cfg.clutter / floor_m2(sight->grid),
         .standing_left = shows_standing(t, volume),
         .settling = t->detector.settling,

@@ -396,6 +396,20 @@ static bool is_past_border(const struct tracker *t, const struct track_scan *sca
     return !scan->shows(scan->context, at_m) && !scan->shows(scan->context, on_m);
 }
 
+/* What has just come out is in the newer pings of an image only, which shows it at a
+ * later instant than what all of its pings have: taken for the same, it would go half as
+ * fast as it does until they have it. */
+static void come_later(struct tracker *t, const struct track_scan *scan,
+                       const size_t *whose, size_t owner, int64_t since_ns)
+{
+    double since_s = 1e-9 * (double)(scan->stamp_ns - since_ns);
+    double later_s = 0.5 * fmax(scan->span_s - since_s, 0.0);
+
+    for (size_t j = 0; j < scan->n; j++)
+        if (whose[j] == owner)
+            t->positions[j].lag_s += later_s;
+}
+
 /* The part of the scan's detections that belongs to the track. */
 static void continue_track(struct tracker *t, const struct track_scan *scan, size_t i,
                            const size_t *whose, double fresh)
@@ -404,6 +418,7 @@ static void continue_track(struct tracker *t, const struct track_scan *scan, siz
     struct track_position middle;
     double extent_m[3], existence;
 
+    come_later(t, scan, whose, i, k->since_ns);
     track_gather(t, scan, whose, i, &middle, extent_m, &existence, &k->detection);
     struct track_match m =
         track_body_match(k, k->body.n ? &t->positions[k->detection] : &middle, NULL);
@@ -615,6 +630,8 @@ static void start_track(struct tracker *t, const struct track_scan *scan,
         return;
     }
     memset(k, 0, sizeof *k);
+    k->since_ns = t->stamp_ns - (int64_t)(0.5e9 * t->apart_s);
+    come_later(t, scan, whose, STARTED, k->since_ns);
     track_gather(t, scan, whose, STARTED, &middle, k->extent_m, &existence,
                  &k->detection);
     track_filter_start(&k->filter, &middle, t->cfg.new_speed_m_s);
@@ -669,6 +686,7 @@ static int follow_time(struct tracker *t, int64_t stamp_ns, double *dt_s)
     *dt_s = fmin(*dt_s, LONGEST_S);
     if (!t->began)
         ids_begin(&t->ids, stamp_ns);
+    t->apart_s = *dt_s > 0.0 ? *dt_s : LONGEST_S; /* who is there then was before */
     t->began = true;
     t->stamp_ns = stamp_ns;
     return 0;

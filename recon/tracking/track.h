@@ -121,6 +121,7 @@ struct track_scan {
     const struct track_detection *detections; /* [n], n <= TRACK_DETECTIONS */
     size_t n;
     double fresh;       /* part of the image that is not in the one before, 0..1 */
+    double span_s;      /* from its oldest ping to its newest */
     double clutter_m2;  /* false detections for each square metre */
     bool standing_left; /* what stands, or the hole that it left, is in the image: tracks
                            have to move by themselves */

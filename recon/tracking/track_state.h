@@ -25,6 +25,7 @@ struct track {
     enum track_state state;
     enum track_motion motion;
     int64_t first_ns, seen_ns;
+    int64_t since_ns; /* it came out then, between two scans */
     struct track_rest rest;
     double missed;             /* looks, since it was seen */
     int64_t moves_ns;          /* when it was last seen to move by itself; 0: never */
@@ -64,6 +65,7 @@ struct tracker {
     struct track_ids ids;
     struct ego_step pose; /* of the vehicle over ground */
     int64_t stamp_ns;
+    double apart_s; /* from the scan before */
     bool began;
     struct track_counts counts;
     struct track_position positions[TRACK_DETECTIONS]; /* of the scan, over ground */

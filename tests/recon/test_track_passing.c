@@ -184,6 +184,24 @@ static void who_rides_behind_an_edge_has_gone_on(void **state)
     }
 }
 
+/* Of the four pings of an image, 0.05 s apart, the newer ones have it at first; after two
+ * tenths of a second all have. */
+static void what_comes_out_is_as_fast_from_the_beginning(void **state)
+{
+    struct track_rig *r = *state;
+
+    r->scan.span_s = 3.0 * FRAME_S;
+    track_rig_step(r); /* it is not there yet */
+    for (int k = 0; k < 8; k++) {
+        double seen_s = fmin(k * FRAME_S, r->scan.span_s);
+        hear(r, FLANK_M, -3.0 + 4.0 * (k * FRAME_S - 0.5 * seen_s), 1.0);
+        r->detections[0].lag_s = -0.5 * r->scan.span_s;
+        track_rig_step(r);
+    }
+    assert_int_equal(r->n, 1);
+    assert_near(r->reports[0].velocity_m_s[1], 4.0, 0.8);
+}
+
 static bool shows_up_to_2_m(const void *context, const double p_m[3])
 {
     (void)context;
@@ -314,6 +332,7 @@ int main(void)
         TEST(a_car_is_known_by_the_spot_that_runs_along_it),
         TEST(a_cyclist_with_a_ladder_is_known_as_one_when_he_has_passed),
         TEST(who_rides_behind_an_edge_has_gone_on),
+        TEST(what_comes_out_is_as_fast_from_the_beginning),
         TEST(what_is_heard_at_the_border_of_the_image_has_gone_on),
         TEST(a_walker_who_is_heard_at_the_border_is_there),
         TEST(what_began_beside_something_fast_is_rather_gone_than_hidden),
