@@ -26,8 +26,9 @@
  * A track has a place when it was measured by way of a mirror that has been known ever
  * since and has not jumped; before, it is reported without one, and ends where no mirror
  * that is known shows it in place_looks: a new track of the same thing is confirmed
- * later. None has a place beyond its mirror: a track that coasts ends there, and one that
- * is measured stays on this side.
+ * later. None has a place beyond its mirror: a track that coasts ends there (what is
+ * faster or longer than a walker, where it is surely beyond), and what is told stays on
+ * this side.
  *
  * What is fast or long has one model of motion, nearly constant velocity: 0.5 m2/s3 is an
  * acceleration of 1 m/s2 rms that lasts a quarter of a second (twice variance times time,
@@ -121,7 +122,8 @@ struct track_scan {
     const struct track_detection *detections; /* [n], n <= TRACK_DETECTIONS */
     size_t n;
     double fresh;       /* part of the image that is not in the one before, 0..1 */
-    double span_s;      /* from its oldest ping to its newest */
+    double span_s;      /* from its oldest ping to its newest: what has come out since is
+                           not in all of them; 0: they are at one instant */
     double clutter_m2;  /* false detections for each square metre */
     bool standing_left; /* what stands, or the hole that it left, is in the image: tracks
                            have to move by themselves */

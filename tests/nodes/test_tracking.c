@@ -426,6 +426,25 @@ static void the_wall_itself_is_not_tracked(void **state)
     assert_near(r->list->detections[0]->position_m->y, middle_m[1], 0.02);
 }
 
+/* At 1.6 m/s; an image for each ping, of the four newest, of which the first one, two
+ * and three images have it in as many. */
+static void something_that_comes_out_is_no_slower_at_first(void **state)
+{
+    const double ping_s = 0.03125, shown_s = 0.0347222 + 2.2 / 343.0;
+    struct rig *r = *state;
+
+    image(r);
+    r->stamp_ns += (int64_t)(1e9 * ping_s) - FRAME_NS;
+    for (int k = 0; k < 8; k++) {
+        double ago_s = 0.5 * ping_s * fmin(k, 3);
+        add(r, -0.2 + 1.6 * (ping_s * k - ago_s + shown_s), 2.0, 1.0);
+        image(r);
+        r->stamp_ns += (int64_t)(1e9 * ping_s) - FRAME_NS;
+    }
+    assert_int_equal(r->list->n_detections, 1);
+    assert_near(r->list->detections[0]->velocity_m_s[1], 1.6, 0.3);
+}
+
 /* At 1.2 m/s, in images that have what stands in them. */
 static void until_a_wall_is_found_nothing_hides(void **state)
 {
@@ -650,6 +669,7 @@ int main(void)
         TEST(a_fixed_array_tells_of_what_stays),
         TEST(what_a_background_may_have_left_is_not_told_at_rest),
         TEST(something_that_walks_is_where_it_is_at_the_stamp),
+        TEST(something_that_comes_out_is_no_slower_at_first),
         TEST(it_is_predicted_and_then_deleted),
         TEST(while_a_sound_drowns_the_images_tracks_go_on),
         TEST(what_a_background_leaves_is_not_told_and_what_comes_is),
