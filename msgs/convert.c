@@ -498,6 +498,9 @@ void volume_to_message(const struct volume *v, struct volume_view *view, Anlos__
         m->movers = set_movers(&view->movers, v->movers, v->n_movers);
     if (v->n_ambiguous)
         m->ambiguous = set_movers(&view->ambiguous, v->ambiguous, v->n_ambiguous);
+    if (v->n_courses)
+        m->courses = tensor_borrow_f32(&view->courses, v->courses->mover.at_m, 2,
+                                       v->n_courses, sizeof *v->courses / sizeof(float));
     if (v->around.intensity) {
         const struct surroundings_view *a = &v->around;
         const struct grid *c = &a->grid;
@@ -575,6 +578,22 @@ static size_t movers_from_message(const Anlos__Tensor *m,
     return extents[0];
 }
 
+static size_t courses_from_message(const Anlos__Tensor *m,
+                                   const struct volume_course **courses)
+{
+    size_t extents[2];
+    const float *rows = m ? tensor_f32(m, 2, extents) : NULL;
+
+    if (!rows || extents[0] > VOLUME_MOVERS ||
+        extents[1] != sizeof **courses / sizeof(float))
+        return 0;
+    *courses = (const struct volume_course *)(const void *)rows;
+    for (size_t i = 0; i < extents[0]; i++)
+        if (!volume_course_is_sound(*courses + i))
+            return 0;
+    return extents[0];
+}
+
 void volume_from_message(struct volume *v, const Anlos__Volume *m, int64_t capture_ns)
 {
     *v = (struct volume){.survey_id = m->survey_id,
@@ -601,6 +620,7 @@ void volume_from_message(struct volume *v, const Anlos__Volume *m, int64_t captu
         around_from_message(&v->around, m);
     v->n_movers = movers_from_message(m->movers, &v->movers);
     v->n_ambiguous = movers_from_message(m->ambiguous, &v->ambiguous);
+    v->n_courses = courses_from_message(m->courses, &v->courses);
 }
 
 /* -- objects ---------------------------------------------------------------------------

@@ -52,7 +52,7 @@ void traces_from_message(struct traces *t, struct traces_room *room,
                          const Anlos__Traces *m, int64_t capture_ns);
 
 struct volume_view { /* storage for a message that borrows its image */
-    struct tensor_view intensity, newest, coarse, beyond, movers, ambiguous;
+    struct tensor_view intensity, newest, coarse, beyond, movers, ambiguous, courses;
     Anlos__Vec3 origin, step, newest_origin, newest_step, coarse_origin, coarse_step;
 };
 

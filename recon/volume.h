@@ -24,6 +24,15 @@ struct volume_mover {
 
 _Static_assert(sizeof(struct volume_mover) == 7 * sizeof(float), "rows of seven");
 
+/* The same of what stands out where what stands was taken away, which moves: it goes as
+ * this says with this probability. */
+struct volume_course {
+    struct volume_mover mover;
+    float sure; /* 0..1 */
+};
+
+_Static_assert(sizeof(struct volume_course) == 8 * sizeof(float), "rows of eight");
+
 /* From outside: within 10 km, slower than its sound. */
 static inline bool volume_mover_is_sound(const struct volume_mover *m)
 {
@@ -32,6 +41,11 @@ static inline bool volume_mover_is_sound(const struct volume_mover *m)
     for (int a = 0; a < 3; a++)
         sound = sound && fabsf(m->at_m[a]) <= 1e4f && fabsf(m->velocity_m_s[a]) < 340.0f;
     return sound;
+}
+
+static inline bool volume_course_is_sound(const struct volume_course *c)
+{
+    return volume_mover_is_sound(&c->mover) && c->sure >= 0.0f && c->sure <= 1.0f;
 }
 
 struct volume {
@@ -56,10 +70,11 @@ struct volume {
     uint64_t clipped_samples;
     bool standing_left;  /* what stands was to be taken away, and may still be in it */
     bool standing_taken; /* it was taken away, from all of it: remains may be left */
-    const struct volume_mover *movers;    /* looked for where standing_left */
-    const struct volume_mover *ambiguous; /* so what rests overhead or behind the array
-                                             would go, too */
-    size_t n_movers, n_ambiguous;         /* up to VOLUME_MOVERS of each */
+    const struct volume_mover *movers;       /* looked for where standing_left */
+    const struct volume_mover *ambiguous;    /* so what rests overhead or behind the array
+                                                would go, too */
+    const struct volume_course *courses;     /* looked for where standing_taken */
+    size_t n_movers, n_ambiguous, n_courses; /* up to VOLUME_MOVERS of each */
 };
 
 #endif

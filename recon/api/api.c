@@ -214,6 +214,8 @@ void api_image(struct anlos_image *out, const struct volume *v)
     out->n_movers = v->n_movers;
     out->ambiguous = v->n_ambiguous ? v->ambiguous->at_m : NULL;
     out->n_ambiguous = v->n_ambiguous;
+    out->courses = v->n_courses ? v->courses->mover.at_m : NULL;
+    out->n_courses = v->n_courses;
     memcpy(out->origin_m, v->grid.origin_m, sizeof out->origin_m);
     memcpy(out->step_m, v->grid.step_m, sizeof out->step_m);
     memcpy(out->n, v->grid.n, sizeof out->n);
@@ -486,20 +488,35 @@ static int take_around(struct surroundings_view *out, const struct anlos_image *
     return code;
 }
 
+static int take_rows(const float *rows, size_t n, const char *what,
+                     struct anlos_error *why)
+{
+    if (n > VOLUME_MOVERS)
+        return api_fail(why, ANLOS_INVALID, "%s: %zu, expected %d at most", what, n,
+                        VOLUME_MOVERS);
+    return n ? api_there(rows, what, why) : 0;
+}
+
 static int take_movers(const float *rows, size_t n, const char *what,
                        struct anlos_error *why)
 {
     const struct volume_mover *movers = (const void *)rows;
-    int code = 0;
+    int code = take_rows(rows, n, what, why);
 
-    if (n > VOLUME_MOVERS)
-        code = api_fail(why, ANLOS_INVALID, "%s: %zu, expected %d at most", what, n,
-                        VOLUME_MOVERS);
-    if (!code && n)
-        code = api_there(movers, what, why);
     for (size_t i = 0; !code && i < n; i++)
         if (!volume_mover_is_sound(&movers[i]))
             code = api_fail(why, ANLOS_INVALID, "%s: %zu is none", what, i);
+    return code;
+}
+
+static int take_courses(const float *rows, size_t n, struct anlos_error *why)
+{
+    const struct volume_course *courses = (const void *)rows;
+    int code = take_rows(rows, n, "courses of an image", why);
+
+    for (size_t i = 0; !code && i < n; i++)
+        if (!volume_course_is_sound(&courses[i]))
+            code = api_fail(why, ANLOS_INVALID, "courses of an image: %zu is none", i);
     return code;
 }
 
@@ -529,6 +546,8 @@ int api_volume(struct volume *out, const struct anlos_image *given, uint64_t id,
         code = take_movers(v.movers, v.n_movers, "movers of an image", why);
     if (!code)
         code = take_movers(v.ambiguous, v.n_ambiguous, "ambiguous of an image", why);
+    if (!code)
+        code = take_courses(v.courses, v.n_courses, why);
     if (code)
         return code;
     *out = (struct volume){.survey_id = id,
@@ -553,7 +572,9 @@ int api_volume(struct volume *out, const struct anlos_image *given, uint64_t id,
                            .movers = (const void *)v.movers,
                            .n_movers = v.n_movers,
                            .ambiguous = (const void *)v.ambiguous,
-                           .n_ambiguous = v.n_ambiguous};
+                           .n_ambiguous = v.n_ambiguous,
+                           .courses = (const void *)v.courses,
+                           .n_courses = v.n_courses};
     return 0;
 }
 

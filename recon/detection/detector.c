@@ -193,6 +193,17 @@ static struct object *add_mover(const struct detector *d,
     return &out->objects[out->n - 1];
 }
 
+static void take_course(struct object *o, const struct volume_mover *mover, bool moves,
+                        double doubt)
+{
+    o->has_course = true;
+    o->moves = moves;
+    o->course_doubt = doubt;
+    o->course_power = (double)mover->power;
+    o->course_m_s[0] = (double)mover->velocity_m_s[0];
+    o->course_m_s[1] = (double)mover->velocity_m_s[2];
+}
+
 /* Beside what stands, what moves is an object even where it does not stand out. */
 static void take_movers(const struct detector *d, const struct volume_mover *movers,
                         size_t n, bool moves, const struct walls *walls,
@@ -207,11 +218,18 @@ static void take_movers(const struct detector *d, const struct volume_mover *mov
                      (o->moves > moves || o->course_power >= (double)mover->power);
         if (!o || surer)
             continue;
-        o->has_course = true;
-        o->moves = moves;
-        o->course_power = (double)mover->power;
-        o->course_m_s[0] = (double)mover->velocity_m_s[0];
-        o->course_m_s[1] = (double)mover->velocity_m_s[2];
+        take_course(o, mover, moves, 0.0);
+    }
+}
+
+static void take_courses(const struct volume *volume, struct object_list *out)
+{
+    for (size_t i = 0; i < volume->n_courses; i++) {
+        const struct volume_course *c = &volume->courses[i];
+        struct object *o = object_near(out, &c->mover);
+        if (!o || (o->has_course && o->course_power >= (double)c->mover.power))
+            continue;
+        take_course(o, &c->mover, false, 1.0 - (double)c->sure);
     }
 }
 
@@ -259,6 +277,7 @@ int detector_volume(struct detector *d, const struct volume *volume,
         return error_say(why, err, "not enough memory to detect objects");
     take_movers(d, volume->movers, volume->n_movers, true, walls, out);
     take_movers(d, volume->ambiguous, volume->n_ambiguous, false, walls, out);
+    take_courses(volume, out);
     out->scan = volume->scan;
     out->frame = volume->frame;
     out->preview = volume->preview;

@@ -48,6 +48,7 @@ struct object {
     bool has_course;     /* by the phases of the image's pings (struct volume_mover), */
     bool moves;          /* and nothing at rest would go so; of no track */
     double course_m_s[2], course_power; /* then: x, z in the array frame, as imaged */
+    double course_doubt;                /* wrong with this probability */
     struct shape_guess shape;
     unsigned at_border; /* PEAK_BORDER (recon/detection/peak.h) */
     enum multipath multipath;

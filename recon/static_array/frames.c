@@ -61,6 +61,7 @@ struct frames {
     uint32_t *fold;    /* [n_cells] */
     struct held *held; /* [n_pings] */
     size_t newest;
+    int64_t oldest_look_ns;
     struct scratch *own; /* [threads] */
     float scale;         /* of the sum */
     float *image;
@@ -730,6 +731,7 @@ void frames_image(struct frames *f, const struct frames_motion *motion, float *i
                   struct frames_made *made)
 {
     *made = (struct frames_made){.pings = 0};
+    f->oldest_look_ns = INT64_MAX;
     choose(f, motion, made);
     made->microphones_masked = count_masked(f);
     weigh_pings(f);
@@ -750,22 +752,31 @@ void frames_image(struct frames *f, const struct frames_motion *motion, float *i
 /* -- the echoes of single pings ---------------------------------------------------------
  */
 
-static bool is_look(const struct held *h)
+static bool is_look(const struct frames *f, const struct held *h)
 {
-    return h->counts && h->scale > 0.0f;
+    return h->counts && h->scale > 0.0f &&
+           f->held[f->newest].stamp_ns - h->stamp_ns <= f->oldest_look_ns;
+}
+
+void frames_look_back(struct frames *f, double age_s)
+{
+    f->oldest_look_ns = nanoseconds(age_s);
 }
 
 size_t frames_looks(const struct frames *f, struct frames_look *looks)
 {
     size_t n = 0, n_mic = f->geometry.n_microphones;
+    const struct chirp *c = &f->cfg.chirp;
+    double sweep = c->duration_s > 0.0 ? c->duration_s / (c->stop_hz - c->start_hz) : 0.0;
 
     for (size_t k = 0; k < f->cfg.n_pings; k++) {
         const struct held *h = &f->held[k];
-        if (!is_look(h))
+        if (!is_look(f, h))
             continue;
         struct frames_look *one = &looks[n++];
         *one = (struct frames_look){
-            .age_s = 1e-9 * (double)(f->held[f->newest].stamp_ns - h->stamp_ns)};
+            .age_s = 1e-9 * (double)(f->held[f->newest].stamp_ns - h->stamp_ns),
+            .sweep_s_hz = h->down ? -sweep : sweep};
         for (size_t e = 0; e < 1 + n_mic; e++)
             for (int a = 0; a < 3; a++) {
                 double share = e == 0 ? 0.5 : 0.5 / (double)n_mic;
@@ -780,7 +791,7 @@ static const struct held *counted(const struct frames *f, size_t number)
 {
     const struct held *h = f->held;
 
-    while (!is_look(h) || number-- > 0)
+    while (!is_look(f, h) || number-- > 0)
         h++;
     return h;
 }
@@ -920,6 +931,6 @@ void frames_echoes(struct frames *f, enum frames_thing thing, const double (*at_
                        .out = echoes};
 
     for (size_t k = 0; k < f->cfg.n_pings; k++)
-        e.n_pings += is_look(&f->held[k]);
+        e.n_pings += is_look(f, &f->held[k]);
     pool_run(f->cfg.pool, e.n_pings * e.parts, take_echoes, &e);
 }

@@ -111,7 +111,12 @@ struct frames_look {
     double age_s;           /* before the newest ping */
     double middle_m[3];     /* between its speaker and the microphones */
     double velocity_m_s[3]; /* of these over ground */
+    double sweep_s_hz;      /* its chirp took so long for each hertz, < 0: downward; 0: it
+                               is none that is known */
 };
+
+/* Only those that are so old at most are looked at; else all. */
+void frames_look_back(struct frames *f, double age_s);
 
 /* looks[n_pings of the configuration]; how many there are. */
 size_t frames_looks(const struct frames *f, struct frames_look *looks);

@@ -12,7 +12,8 @@
 #include "recon/static_array/first_return.h"
 #include "recon/static_array/velocity_filter.h"
 
-#define MOVERS_EVERY 2    /* images */
+#define MOVERS_EVERY 2     /* images */
+#define COURSES_S    0.048 /* after which they are looked for again, or after an image */
 #define AGE_LIMIT    2.0  /* times what the pings of an image take when none is missing */
 #define NO_OVERLAP   0.99 /* of that time apart: no ping in common */
 
@@ -128,7 +129,8 @@ static int create_velocities(struct static_array *s, const struct frames_config 
     const struct velocity_filter_config velocities = {
         .grid = cfg->grid,
         .n_pings = cfg->n_pings,
-        .turns_per_m = cfg->format.carrier_hz / cfg->geometry->sound_speed_m_s};
+        .turns_per_m = cfg->format.carrier_hz / cfg->geometry->sound_speed_m_s,
+        .sound_speed_m_s = cfg->geometry->sound_speed_m_s};
 
     if (!s->cfg.moving_only || cfg->sum != FRAMES_POWER || cfg->grid.n[1] != 1)
         return 0;
@@ -316,12 +318,17 @@ static double standing_part(const struct static_array *s)
     return 1.0 - (double)subtracted / (double)s->n_pings;
 }
 
-/* Looked for where what stands is in the image, which a background would tell from it. */
+/* Where what stands is in the image, which a background would tell from it: what moves
+ * by itself.  Else how what stands out goes. */
 static void find_movers(struct static_array *s, double standing)
 {
-    s->found.n_movers = s->found.n_ambiguous = 0;
-    if (standing > 0.0 && s->velocities && s->counts.images % MOVERS_EVERY == 0)
-        velocity_filter_find(s->velocities, s->frames, s->intensity, &s->found);
+    s->found.n_movers = s->found.n_ambiguous = s->found.n_courses = 0;
+    bool taken = !(standing > 0.0);
+    double slot_s = s->plan.survey.slot_samples / s->plan.survey.sample_rate_hz;
+    size_t every = taken ? (size_t)fmax(COURSES_S / slot_s, 1.0) : MOVERS_EVERY;
+
+    if (s->velocities && s->counts.images % every == 0)
+        velocity_filter_find(s->velocities, s->frames, s->intensity, taken, &s->found);
 }
 
 void static_array_image(struct static_array *s, struct volume *out)
@@ -348,6 +355,8 @@ void static_array_image(struct static_array *s, struct volume *out)
     out->n_movers = s->found.n_movers;
     out->ambiguous = s->found.ambiguous;
     out->n_ambiguous = s->found.n_ambiguous;
+    out->courses = s->found.courses;
+    out->n_courses = s->found.n_courses;
     out->standing_taken = s->cfg.moving_only && !(part > 0.0);
     if (!out->standing_left)
         out->newest = frames_newest(s->frames, &out->blocks);

@@ -17,6 +17,22 @@
 #define SLOWEST_M_S 0.5  /* if it is faster */
 #define FASTEST_M_S 2.4
 
+/* Of what stands out where what stands was taken away: */
+#define DRIVES_M_S 6.0
+#define DRIVES_S   0.11 /* of the newest pings */
+enum { BRIGHTEST = 4 }; /* places */
+
+/* How often a course is right: the logarithm of its odds, by how much brighter it is than
+ * the brightest that is another one, and by how bright it is.  (1900 courses of cars and
+ * cyclists in another simulator.) */
+#define OTHER_ALONG_M_S  0.3
+#define OTHER_ACROSS_M_S 1.2
+#define SURE             0.4
+#define SURE_BRIGHTER    3.6
+#define SURE_POWER       0.46
+#define SURE_OF          100.0
+#define MOST_SURE        0.98
+
 /* About a place, across and along the sight of it.  Along, a third of a wavelength apart
  * at 20 kHz; a course's two ends are laid out in the same way. */
 #define ACROSS_RAD 0.015 /* half of a wave at 11 kHz over a metre of microphones */
@@ -58,8 +74,11 @@ struct velocity_filter {
     struct velocity_filter_config cfg;
     struct frames_look *looks;
     size_t n_looks;
+    bool taken; /* what stands: what stands out may drive */
     double middle_s, half_s;
-    double aside_m;                     /* of a ping's middle from that of all, at most */
+    double aside_m; /* of a ping's middle from that of all, at most */
+    double
+        unlike_s; /* of the instants that chirps that run up and down are heard as of */
     float *alone, *scratch;             /* [voxels] */
     double (*at_m)[3];                  /* [PATCH] */
     float *echoes;                      /* [n_pings][re, im][PATCH] */
@@ -222,12 +241,15 @@ static double bent_m(const struct sight *s, double across_m)
 static struct courses choose_courses(const struct velocity_filter *v,
                                      const struct sight *s)
 {
-    double way_m = FASTEST_M_S * v->half_s;
+    double way_m = (v->taken ? DRIVES_M_S : FASTEST_M_S) * v->half_s;
     double across_m = fmin(way_m, sqrt(2.0 * s->range_m * BENT_M) - s->end_across_m);
     struct courses c = {.across = steps(across_m, s->end_across_m, ENDS_ACROSS),
                         .along = steps(way_m, END_ALONG_M, ENDS_ALONG)};
     double end_across_m = s->end_across_m * c.across;
-    double end_along_m = END_ALONG_M * c.along + bent_m(s, end_across_m);
+    double aside_m = bent_m(s, end_across_m) + DRIVES_M_S * v->unlike_s;
+    double room_m = END_ALONG_M * ENDS_ALONG + BENT_M - aside_m;
+    c.along = steps(fmin(END_ALONG_M * c.along, room_m), END_ALONG_M, ENDS_ALONG);
+    double end_along_m = END_ALONG_M * c.along + aside_m;
 
     c.columns = ACROSS + 1 + steps(end_across_m, s->across_m, COLUMNS / 2);
     c.rows = ALONG + 1 + steps(end_along_m, ALONG_M, ROWS / 2);
@@ -292,10 +314,12 @@ static void mix_columns(struct velocity_filter *v, const struct sight *s,
     size_t x = (size_t)column;
     float right = (float)(column - (double)x), turn_re[LANES], turn_im[LANES];
 
-    for (int i = 0; i < LANES; i++) {
-        double turn = turns->across * (across_m + s->across_m * (i - ACROSS));
-        turn_re[i] = (float)cos(2.0 * M_PI * turn);
-        turn_im[i] = (float)sin(2.0 * M_PI * turn);
+    double complex step = cexp(2.0 * M_PI * I * turns->across * s->across_m);
+    double complex turn =
+        cexp(2.0 * M_PI * I * turns->across * (across_m - s->across_m * ACROSS));
+    for (int i = 0; i < LANES; i++, turn *= step) {
+        turn_re[i] = (float)creal(turn);
+        turn_im[i] = (float)cimag(turn);
     }
     for (size_t z = 0; z < 2 * (size_t)c->rows + 1; z++) {
         const float *re = v->patch[z][0] + x, *im = v->patch[z][1] + x;
@@ -322,12 +346,21 @@ static void add_rows(float (*restrict rows)[2][LANES], float far, const float (*
         }
 }
 
-/* One ping, along courses that end alike. */
+/* A chirp's echo is as far away as what made it was later than its phase tells, when it
+ * ran up, and earlier when it ran down. */
+static double later_s(const struct velocity_filter *v, size_t look)
+{
+    double hz = v->cfg.turns_per_m * v->cfg.sound_speed_m_s;
+
+    return v->taken ? hz * (v->looks[look].sweep_s_hz - v->looks[0].sweep_s_hz) : 0.0;
+}
+
+/* One ping, along courses that end alike, heard so much farther away than there. */
 static void add_courses(struct velocity_filter *v, const struct courses *c,
-                        const struct turns *turns, double along_m,
+                        const struct turns *turns, double along_m, double farther_m,
                         float (*sums)[2][LANES])
 {
-    double row = along_m / ALONG_M + c->rows - ALONG;
+    double row = (along_m + farther_m) / ALONG_M + c->rows - ALONG;
     size_t z = (size_t)row;
     double start = turns->along * (along_m - ALONG_M * ALONG);
     double complex turn = cexp(2.0 * M_PI * I * start);
@@ -342,7 +375,7 @@ static void add_courses(struct velocity_filter *v, const struct courses *c,
 
 struct course {
     int end_across, end_along, across, along; /* steps */
-    double power;
+    double power, other;                      /* of the brightest that is another one */
 };
 
 /* What rests over a line array's plane, under it or behind it comes nearer as slowly as
@@ -360,29 +393,73 @@ static bool may_rest(const struct velocity_filter *v, const struct sight *s, int
     return fabs(across - part * x) < REST_STEPS && fabs(along - part * z) < REST_STEPS;
 }
 
+/* Of all places about one, along courses that end alike. */
+VECTOR_CLONES
+static float most_of(const float (*restrict sums)[2][LANES])
+{
+    float lanes[LANES] = {0.0f}, most = 0.0f;
+
+    for (int a = 0; a < N_ALONG; a++)
+        for (int i = 0; i < LANES; i++) {
+            float power = sums[a][0][i] * sums[a][0][i] + sums[a][1][i] * sums[a][1][i];
+            lanes[i] = power > lanes[i] ? power : lanes[i];
+        }
+    for (int i = 0; i < N_ACROSS; i++)
+        most = lanes[i] > most ? lanes[i] : most;
+    return most;
+}
+
+/* The place of that many. */
+static void find_place(const float (*sums)[2][LANES], struct course *c)
+{
+    float most = -1.0f;
+
+    for (int a = 0; a < N_ALONG; a++)
+        for (int i = 0; i < N_ACROSS; i++) {
+            float power = sums[a][0][i] * sums[a][0][i] + sums[a][1][i] * sums[a][1][i];
+            if (power <= most)
+                continue;
+            most = power;
+            c->across = i - ACROSS;
+            c->along = a - ALONG;
+        }
+}
+
 /* And the most of what may rest. */
 static struct course brightest_course(const struct velocity_filter *v,
                                       const struct sight *s, const struct courses *c,
                                       double *at_rest)
 {
     struct course best = {.power = -1.0};
-    float(*sums)[2][LANES] = v->sums;
+    const float(*sums)[2][LANES] = (const void *)v->sums, (*where)[2][LANES] = sums;
 
     for (int x = -c->across; x <= c->across; x++)
-        for (int z = -c->along; z <= c->along; z++) {
-            bool rests = may_rest(v, s, x, z);
-            for (int a = 0; a < N_ALONG; a++, sums++)
-                for (int i = 0; i < N_ACROSS; i++) {
-                    float power = (*sums)[0][i] * (*sums)[0][i] +
-                                  (*sums)[1][i] * (*sums)[1][i];
-                    if ((double)power > best.power)
-                        best =
-                            (struct course){x, z, i - ACROSS, a - ALONG, (double)power};
-                    if (rests)
-                        *at_rest = fmax(*at_rest, (double)power);
-                }
+        for (int z = -c->along; z <= c->along; z++, sums += N_ALONG) {
+            double power = (double)most_of(sums);
+            if (may_rest(v, s, x, z))
+                *at_rest = fmax(*at_rest, power);
+            if (power <= best.power)
+                continue;
+            best = (struct course){.end_across = x, .end_along = z, .power = power};
+            where = sums;
         }
+    find_place(where, &best);
     return best;
+}
+
+static double brightest_other(const struct velocity_filter *v, const struct sight *s,
+                              const struct courses *c, const struct course *best)
+{
+    const float(*sums)[2][LANES] = (const void *)v->sums;
+    int across = (int)(OTHER_ACROSS_M_S * v->half_s / s->end_across_m);
+    int along = (int)(OTHER_ALONG_M_S * v->half_s / END_ALONG_M);
+    double most = 0.0;
+
+    for (int x = -c->across; x <= c->across; x++)
+        for (int z = -c->along; z <= c->along; z++, sums += N_ALONG)
+            if (abs(x - best->end_across) > across || abs(z - best->end_along) > along)
+                most = fmax(most, (double)most_of(sums));
+    return most;
 }
 
 static struct course follow(struct velocity_filter *v, struct frames *f,
@@ -397,15 +474,18 @@ static struct course follow(struct velocity_filter *v, struct frames *f,
         struct turns turns = turns_of(v, s, &v->looks[k]);
         double part = (v->middle_s - v->looks[k].age_s) / v->half_s;
         float(*to)[2][LANES] = v->sums;
+        double later_m = END_ALONG_M / v->half_s * later_s(v, k);
         take_patch(v, s, c, k, &turns);
         for (int x = -c->across; x <= c->across; x++) {
             double across_m = part * s->end_across_m * x, bent = bent_m(s, across_m);
             mix_columns(v, s, c, &turns, across_m);
             for (int z = -c->along; z <= c->along; z++, to += N_ALONG)
-                add_courses(v, c, &turns, part * END_ALONG_M * z + bent, to);
+                add_courses(v, c, &turns, part * END_ALONG_M * z + bent, later_m * z, to);
         }
     }
-    return brightest_course(v, s, c, at_rest);
+    struct course best = brightest_course(v, s, c, at_rest);
+    best.other = v->taken ? brightest_other(v, s, c, &best) : 0.0;
+    return best;
 }
 
 static bool has_course(const struct sight *s, const struct courses *c,
@@ -420,6 +500,7 @@ static bool has_course(const struct sight *s, const struct courses *c,
 
 struct judged {                    /* a place that stands out */
     double range_m, sine, at_rest; /* the most of what may stand there */
+    double brighter;               /* than another course */
     bool has_course, may_rest;
     struct volume_mover mover;
 };
@@ -460,6 +541,7 @@ static struct judged judge(struct velocity_filter *v, struct frames *f,
     out.has_course = has_course(&s, &c, &best, v->half_s);
     out.may_rest = best.power <= OVER_REST * out.at_rest;
     out.mover = mover_of(v, &s, &best);
+    out.brighter = best.other > 0.0 ? best.power / best.other - 1.0 : 0.0;
     return out;
 }
 
@@ -488,6 +570,19 @@ static bool is_peak(const struct grid *g, const float *intensity, size_t x, size
     return true;
 }
 
+/* What moves is there in its image, and nowhere else. */
+static size_t middle_look(const struct velocity_filter *v)
+{
+    size_t best = 0;
+
+    for (size_t k = 1; k < v->n_looks; k++)
+        if (fabs(v->looks[k].age_s - v->middle_s) <
+            fabs(v->looks[best].age_s - v->middle_s))
+            best = k;
+    return best;
+}
+
+/* What drives is elsewhere half a ping later. */
 static void find_middle(struct velocity_filter *v)
 {
     double oldest_s = 0.0, left_m = INFINITY, right_m = -INFINITY;
@@ -499,20 +594,13 @@ static void find_middle(struct velocity_filter *v)
         left_m = fmin(left_m, v->looks[k].middle_m[0]);
         right_m = fmax(right_m, v->looks[k].middle_m[0]);
     }
+    if (v->taken && v->n_looks)
+        v->middle_s = v->looks[middle_look(v)].age_s;
     v->half_s = fmax(v->middle_s, oldest_s - v->middle_s);
     v->aside_m = 0.5 * (right_m - left_m);
-}
-
-/* What moves is there in its image, and nowhere else. */
-static size_t middle_look(const struct velocity_filter *v)
-{
-    size_t best = 0;
-
-    for (size_t k = 1; k < v->n_looks; k++)
-        if (fabs(v->looks[k].age_s - v->middle_s) <
-            fabs(v->looks[best].age_s - v->middle_s))
-            best = k;
-    return best;
+    v->unlike_s = 0.0;
+    for (size_t k = 0; k < v->n_looks; k++)
+        v->unlike_s = fmax(v->unlike_s, fabs(later_s(v, k)));
 }
 
 /* The lobes of what is brighter go with the speakers that sound in turn, and seem to
@@ -553,6 +641,16 @@ static bool is_mover(const struct velocity_filter *v, const struct judged *all, 
     return true;
 }
 
+static void tell_course(const struct judged *one, struct velocities *out)
+{
+    double odds = exp(SURE + SURE_BRIGHTER * one->brighter) *
+                  pow((double)one->mover.power / SURE_OF, SURE_POWER);
+
+    if (out->n_courses < VOLUME_MOVERS)
+        out->courses[out->n_courses++] = (struct volume_course){
+            .mover = one->mover, .sure = (float)fmin(odds / (1.0 + odds), MOST_SURE)};
+}
+
 static void tell(const struct judged *one, struct velocities *out)
 {
     struct volume_mover *list = one->may_rest ? out->ambiguous : out->movers;
@@ -562,36 +660,79 @@ static void tell(const struct judged *one, struct velocities *out)
         list[(*n)++] = one->mover;
 }
 
+struct peak {
+    size_t x, z;
+    double bright;
+};
+
+static void place_of(const struct grid *g, const struct peak *p, double out[3])
+{
+    out[0] = g->origin_m[0] + g->step_m[0] * (double)p->x;
+    out[1] = g->origin_m[1];
+    out[2] = g->origin_m[2] + g->step_m[2] * (double)p->z;
+}
+
+/* In the order of rows, of the image of the ping in the middle. */
+static size_t find_peaks(const struct velocity_filter *v, double bright,
+                         struct peak out[PLACES_MAX])
+{
+    const struct grid *g = &v->cfg.grid;
+    size_t n = 0;
+
+    for (size_t z = 0; z < g->n[2]; z++)
+        for (size_t x = 0; x < g->n[0] && n < PLACES_MAX; x++) {
+            double level = (double)v->alone[z * g->n[0] + x];
+            if (level > bright && is_peak(g, v->alone, x, z))
+                out[n++] = (struct peak){x, z, level};
+        }
+    return n;
+}
+
+static int by_brightness(const void *a, const void *b)
+{
+    const struct peak *p = a, *q = b;
+
+    return p->bright != q->bright ? (p->bright < q->bright ? 1 : -1) : 0;
+}
+
 void velocity_filter_find(struct velocity_filter *v, struct frames *f,
-                          const float *intensity, struct velocities *out)
+                          const float *intensity, bool taken, struct velocities *out)
 {
     const struct grid *g = &v->cfg.grid;
     struct judged judged[PLACES_MAX];
-    size_t n = 0;
+    struct peak peaks[PLACES_MAX];
 
-    out->n_movers = out->n_ambiguous = 0;
+    out->n_movers = out->n_ambiguous = out->n_courses = 0;
+    v->taken = taken;
+    if (taken)
+        frames_look_back(f, DRIVES_S);
     v->n_looks = frames_looks(f, v->looks);
     find_middle(v);
     if (!(v->half_s > 0.0))
         return;
     double median = median_of(v, intensity);
     frames_alone(f, middle_look(v), v->alone);
-    double bright = BRIGHT * median_of(v, v->alone);
-    for (size_t z = 0; z < g->n[2]; z++)
-        for (size_t x = 0; x < g->n[0] && n < PLACES_MAX; x++) {
-            double level = (double)intensity[z * g->n[0] + x];
-            if (!((double)v->alone[z * g->n[0] + x] > bright) ||
-                !is_peak(g, v->alone, x, z))
-                continue;
-            const double at_m[3] = {g->origin_m[0] + g->step_m[0] * (double)x,
-                                    g->origin_m[1],
-                                    g->origin_m[2] + g->step_m[2] * (double)z};
-            double range2 = at_m[0] * at_m[0] + at_m[2] * at_m[2];
-            judged[n] = judge(v, f, at_m, level / range2);
-            judged[n].at_rest *= range2 / median;
-            judged[n++].mover.power *= (float)(range2 / median);
-        }
-    for (size_t i = 0; i < n; i++)
-        if (is_mover(v, judged, n, i))
+    size_t n = find_peaks(v, BRIGHT * median_of(v, v->alone), peaks);
+    if (taken) {
+        qsort(peaks, n, sizeof *peaks, by_brightness);
+        n = n < BRIGHTEST ? n : BRIGHTEST;
+    }
+    for (size_t i = 0; i < n; i++) {
+        double at_m[3];
+        place_of(g, &peaks[i], at_m);
+        double level = taken ? peaks[i].bright
+                             : (double)intensity[peaks[i].z * g->n[0] + peaks[i].x];
+        double range2 = at_m[0] * at_m[0] + at_m[2] * at_m[2];
+        judged[i] = judge(v, f, at_m, level / range2);
+        judged[i].at_rest *= range2 / median;
+        judged[i].mover.power *= (float)(range2 / median);
+    }
+    for (size_t i = 0; i < n; i++) {
+        if (!is_mover(v, judged, n, i))
+            continue;
+        if (taken)
+            tell_course(&judged[i], out);
+        else
             tell(&judged[i], out);
+    }
 }

@@ -28,13 +28,15 @@ struct velocity_filter_config {
     struct grid grid;   /* of the images */
     size_t n_pings;     /* of an image at most */
     double turns_per_m; /* of the traces' carrier, in a metre of path */
+    double sound_speed_m_s;
 };
 
 struct velocity_filter;
 
 struct velocities {
     struct volume_mover movers[VOLUME_MOVERS], ambiguous[VOLUME_MOVERS];
-    size_t n_movers, n_ambiguous;
+    struct volume_course courses[VOLUME_MOVERS];
+    size_t n_movers, n_ambiguous, n_courses;
 };
 
 /* 0, -ENOTSUP (images that are no plan view), -ENOMEM. */
@@ -42,9 +44,13 @@ int velocity_filter_create(struct velocity_filter **out,
                            const struct velocity_filter_config *cfg);
 
 /* What goes along a course in the newest image of f, by where it is.  Some tenths of a
- * millisecond for each place that stands out. */
+ * millisecond for each place that stands out.
+ *
+ * Where what stands was `taken` away all that stands out has moved, and may drive: of the
+ * four brightest places in the newest 0.11 s, courses of up to 6 m/s, and how sure each
+ * is, in place of movers. */
 void velocity_filter_find(struct velocity_filter *v, struct frames *f,
-                          const float *intensity, struct velocities *out);
+                          const float *intensity, bool taken, struct velocities *out);
 void velocity_filter_destroy(struct velocity_filter *v);
 
 #endif

@@ -347,6 +347,7 @@ static void take_detection(const struct object_tracker *t, const struct sight *s
         .proven = o->proven,
         .moves = o->moves,
         .has_course = o->has_course,
+        .course_doubt = o->course_doubt,
         .mirror = o->place.wall,
         .power = pow(10.0, 0.1 * o->level_db),
         .remains = volume->standing_taken ? remains(o, range_m > survey->gate_m[1]) : 0.0,

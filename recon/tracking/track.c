@@ -28,6 +28,7 @@
 #define REACH_M           1.0        /* existence is that of something so near */
 #define GLINT_STAYS_S     5.0 /* what does not walk, lost, is rather gone than hidden, */
 #define BESIDE_M          4.2 /* as is what began so near to what is fast: a car's length */
+#define BESIDE_M_S        1.5 /* and goes like that, give or take so much */
 #define BEYOND_SIGMAS     2.0 /* a place is surely where it cannot be */
 #define BORDER_M          0.3 /* what is so near to it is heard at an image's border */
 #define BORDER_DOUBT      1e4 /* tells nothing of the place of what has gone on */
@@ -607,15 +608,16 @@ static void drop_deleted(struct tracker *t)
     t->n = kept;
 }
 
-static bool is_beside_fast(const struct tracker *t, const double at_m[2])
+/* What is fast, and so near that it may be a part of it; NULL: nothing. */
+static const struct track *beside_fast(const struct tracker *t, const double at_m[2])
 {
     for (size_t i = 0; i < t->n; i++) {
         const struct track *k = &t->tracks[i];
         if (k->id && (k->outline.fast || k->outline.car) &&
             hypot(k->filter.state[0] - at_m[0], k->filter.state[1] - at_m[1]) < BESIDE_M)
-            return true;
+            return k;
     }
-    return false;
+    return NULL;
 }
 
 static void start_track(struct tracker *t, const struct track_scan *scan,
@@ -634,12 +636,15 @@ static void start_track(struct tracker *t, const struct track_scan *scan,
     come_later(t, scan, whose, STARTED, k->since_ns);
     track_gather(t, scan, whose, STARTED, &middle, k->extent_m, &existence,
                  &k->detection);
-    track_filter_start(&k->filter, &middle, t->cfg.new_speed_m_s);
+    const struct track *fast = beside_fast(t, middle.at_m);
+    track_filter_start(&k->filter, &middle, fast ? BESIDE_M_S : t->cfg.new_speed_m_s);
+    for (int a = 0; fast && a < 2; a++)
+        k->filter.state[2 + a] += fast->filter.state[2 + a];
     k->steady = k->filter;
     track_life_start(&k->life, &t->life, t->cfg.new_existence * existence);
     k->state = TRACK_MEASURED;
     k->first_ns = k->seen_ns = scan->stamp_ns;
-    k->beside = is_beside_fast(t, k->filter.state);
+    k->beside = fast;
     track_mirror_measured(t, scan, k, scan->detections[k->detection].mirror);
     follow_course(t, scan, k);
     prove(t, scan, k);

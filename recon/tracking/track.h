@@ -92,7 +92,8 @@ struct track_detection {
     double proven;  /* 0..1: by pings one by one; 0: not known */
     bool moves;     /* by itself: so the phases of the image's pings have it */
     bool has_course;       /* or may: they have it at, */
-    double course_m_s[2];  /* a velocity over ground, along the vehicle's axes; */
+    double course_m_s[2];  /* a velocity over ground, along the vehicle's axes, */
+    double course_doubt;   /* which is wrong with that probability; */
     double gliding_m_s[2]; /* what rests overhead or behind has 0 to 2 times this one */
     double power;          /* of its echo, any unit, > 0 */
     double lag_s;          /* recon/tracking/track_filter.h */

@@ -80,6 +80,7 @@ static void take_course(const struct tracker *t, const struct track_detection *d
     double c[2][2];
 
     p->has_velocity = d->has_course;
+    p->velocity_doubt = d->course_doubt;
     track_turn(t->pose.dyaw, d->course_m_s, p->velocity_m_s);
     for (int a = 0; a < 2; a++)
         for (int b = 0; b < 2; b++)
@@ -279,6 +280,7 @@ void track_gather(const struct tracker *t, const struct track_scan *scan,
         if (p->has_velocity && scan->detections[j].power > moving) {
             moving = scan->detections[j].power;
             middle->has_velocity = true;
+            middle->velocity_doubt = p->velocity_doubt;
             memcpy(middle->velocity_m_s, p->velocity_m_s, sizeof p->velocity_m_s);
             memcpy(middle->velocity_m2_s2, p->velocity_m2_s2, sizeof p->velocity_m2_s2);
         }

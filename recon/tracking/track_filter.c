@@ -4,14 +4,21 @@
 #include <math.h>
 #include <string.h>
 
-#define VELOCITY_GATE 13.8 /* chi-squared, 2 */
-#define LEAST_M2      1e-8 /* a covariance that says "exactly" is not believed: 0.1 mm */
+#define VELOCITY_GATE 13.8  /* chi-squared, 2 */
+#define ANY_M2_S2     100.0 /* a velocity that is wrong is anywhere in that */
+#define LEAST_M2      1e-8  /* a covariance that says "exactly" is not believed: 0.1 mm */
 
 double track_filter_distance2(const double v[2], const double c[2][2])
 {
     double det = c[0][0] * c[1][1] - c[0][1] * c[1][0];
     return (c[1][1] * v[0] * v[0] - 2.0 * c[0][1] * v[0] * v[1] + c[0][0] * v[1] * v[1]) /
            det;
+}
+
+static double density(const double v[2], const double c[2][2])
+{
+    return exp(-0.5 * track_filter_distance2(v, c)) /
+           (2.0 * M_PI * sqrt(c[0][0] * c[1][1] - c[0][1] * c[1][0]));
 }
 
 static void noise(const struct track_position *p, double r[2][2])
@@ -74,8 +81,7 @@ struct track_match track_filter_match(const struct track_filter *f,
     compare(f, &place, residual, s, across);
     double d2 = track_filter_distance2(residual, (const double(*)[2])s);
     struct track_match m = {.distance2 = d2};
-    m.density = exp(-0.5 * d2) /
-                (2.0 * M_PI * sqrt(s[0][0] * s[1][1] - s[0][1] * s[1][0]));
+    m.density = density(residual, (const double(*)[2])s);
     if (!p->height_assumed) {
         double off = p->height_m - f->height_m;
         m.distance2 += off * off / (f->height_m2 + p->height_m2 + LEAST_M2);
@@ -141,12 +147,38 @@ static void update(struct track_filter *f, const struct shown *m, double gate2)
     shrink(f, m, (const double(*)[2])gain);
 }
 
+/* Between what the filter was and what it is, of which the latter is true with this
+ * probability. */
+static void mix(const struct track_filter *was, double probability,
+                struct track_filter *f)
+{
+    double way[4], left = 1.0 - probability;
+
+    for (int i = 0; i < 4; i++)
+        way[i] = f->state[i] - was->state[i];
+    for (int i = 0; i < 4; i++)
+        for (int j = 0; j < 4; j++)
+            f->covariance[i][j] = probability * f->covariance[i][j] +
+                                  left * was->covariance[i][j] +
+                                  probability * left * way[i] * way[j];
+    for (int i = 0; i < 4; i++)
+        f->state[i] = was->state[i] + probability * way[i];
+}
+
 static void update_velocity(struct track_filter *f, const struct track_position *p)
 {
     const struct shown velocity = {0.0, 1.0, p->velocity_m_s, p->velocity_m2_s2};
+    const struct track_filter was = *f;
+    double residual[2], s[2][2], across[4][2];
 
-    if (p->has_velocity)
-        update(f, &velocity, VELOCITY_GATE);
+    if (!p->has_velocity)
+        return;
+    update(f, &velocity, VELOCITY_GATE);
+    if (!(p->velocity_doubt > 0.0))
+        return;
+    compare(&was, &velocity, residual, s, across);
+    double right = (1.0 - p->velocity_doubt) * density(residual, (const double(*)[2])s);
+    mix(&was, right / (right + p->velocity_doubt / ANY_M2_S2), f);
 }
 
 void track_filter_update(struct track_filter *f, const struct track_position *p)

@@ -10,7 +10,10 @@
  *   measured = position + lag velocity + noise.
  *
  * Where its velocity was measured as well, by the phases of pings, that counts once the
- * position has, unless it is none that the track could have (one of 1000). */
+ * position has, unless it is none that the track could have (one of 1000).  One that may
+ * be wrong counts as much as it is likely to be right, by the filter too, and what is
+ * left open by that is in the covariance (probabilistic data association of one
+ * measurement, Bar-Shalom and Tse 1975). */
 #ifndef ANLOS_RECON_TRACKING_TRACK_FILTER_H
 #define ANLOS_RECON_TRACKING_TRACK_FILTER_H
 
@@ -29,8 +32,9 @@ struct track_position { /* a measured one, in the frame of the filter */
     double middle_m[2];     /* from there, the middle of all that was seen */
     double lag_s;           /* of the measured instant after the stamp; below 0: before */
     double height_m, height_m2;
-    bool height_assumed; /* the same prior each time: not averaged */
-    bool has_velocity;   /* was measured, too */
+    bool height_assumed;   /* the same prior each time: not averaged */
+    bool has_velocity;     /* was measured, too, */
+    double velocity_doubt; /* and is wrong with this probability: then it may be any */
     double velocity_m_s[2], velocity_m2_s2[2][2];
 };
 

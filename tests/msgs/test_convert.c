@@ -97,6 +97,7 @@ static void a_volume_comes_back(void **state)
     const struct volume_mover movers[2] = {
         {{1.0f, 0.0f, 2.0f}, {-0.5f, 0.0f, 1.5f}, 20.0f},
         {{-1.0f, 0.0f, 3.0f}, {0.5f, 0.0f, -1.5f}, 30.0f}};
+    const struct volume_course courses[2] = {{movers[0], 0.25f}, {movers[1], 1.0f}};
     const struct volume v = {.survey_id = 11,
                              .capture_ns = 12,
                              .scan = 13,
@@ -130,7 +131,9 @@ static void a_volume_comes_back(void **state)
                              .movers = movers,
                              .n_movers = 2,
                              .ambiguous = movers + 1,
-                             .n_ambiguous = 1};
+                             .n_ambiguous = 1,
+                             .courses = courses,
+                             .n_courses = 2};
     struct volume_view view;
     struct volume back;
     Anlos__Volume m;
@@ -170,6 +173,8 @@ static void a_volume_comes_back(void **state)
     assert_memory_equal(back.movers, movers, sizeof movers);
     assert_int_equal(back.n_ambiguous, 1);
     assert_memory_equal(back.ambiguous, movers + 1, sizeof *movers);
+    assert_int_equal(back.n_courses, 2);
+    assert_memory_equal(back.courses, courses, sizeof courses);
     came->step_m->y = 0.0; /* no grid */
     volume_from_message(&back, came, 0);
     assert_null(back.intensity);
@@ -198,6 +203,31 @@ static void movers_that_none_could_be_are_none(void **state)
         volume_from_message(&back, came, 0);
         assert_int_equal(back.n_movers, wrong ? 0 : VOLUME_MOVERS);
         assert_int_equal(back.n_ambiguous, wrong ? 0 : VOLUME_MOVERS);
+        anlos__volume__free_unpacked(came, NULL);
+    }
+}
+
+static void courses_that_none_could_be_are_none(void **state)
+{
+    (void)state;
+    struct volume_course courses[VOLUME_MOVERS + 1];
+    struct volume v = {.courses = courses, .method = "frames"};
+
+    for (int wrong = 0; wrong < 6; wrong++) {
+        struct volume_view view;
+        struct volume back;
+        Anlos__Volume m;
+        for (int i = 0; i <= VOLUME_MOVERS; i++)
+            courses[i] = (struct volume_course){
+                .mover = {.at_m = {0, 0, 1}, .power = 1.0f}, .sure = 0.5f};
+        v.n_courses = wrong == 1 ? VOLUME_MOVERS + 1 : VOLUME_MOVERS;
+        courses[3].mover.power = wrong == 2 ? 0.0f : 1.0f;
+        courses[4].sure = wrong == 3 ? -0.1f : wrong == 4 ? 1.1f : 0.0f;
+        courses[5].sure = wrong == 5 ? NAN : 1.0f;
+        volume_to_message(&v, &view, &m);
+        Anlos__Volume *came = (Anlos__Volume *)sent(&m.base);
+        volume_from_message(&back, came, 0);
+        assert_int_equal(back.n_courses, wrong ? 0 : VOLUME_MOVERS);
         anlos__volume__free_unpacked(came, NULL);
     }
 }
@@ -818,6 +848,7 @@ int main(void)
         cmocka_unit_test(a_volume_comes_back),
         cmocka_unit_test(more_blocks_than_voxels_are_none),
         cmocka_unit_test(movers_that_none_could_be_are_none),
+        cmocka_unit_test(courses_that_none_could_be_are_none),
         cmocka_unit_test(surroundings_that_do_not_hold_are_none),
         cmocka_unit_test(a_ping_is_read_as_it_was_sent),
         cmocka_unit_test(objects_are_listed_as_they_are),

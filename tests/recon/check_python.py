@@ -311,6 +311,9 @@ class Stages(unittest.TestCase):
         with self.assertRaisesRegex(ValueError, "ambiguous: expected 7 numbers a mover, not 6"):
             detector.image(anlos.Image(image.intensity, image.origin_m, image.step_m,
                                        {**image.facts, "ambiguous": numpy.zeros((2, 6), "f4")}))
+        with self.assertRaisesRegex(ValueError, "courses: expected 8 numbers a course, not 7"):
+            detector.image(anlos.Image(image.intensity, image.origin_m, image.step_m,
+                                       {**image.facts, "courses": numpy.zeros((2, 7), "f4")}))
 
     def row(self):
         """It looks ahead, from half a metre above the ground."""

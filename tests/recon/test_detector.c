@@ -165,6 +165,42 @@ static void what_moves_is_an_object_where_it_does_not_stand_out(void **state)
     detector_clear(&d);
 }
 
+/* Of two that are near the brighter one; what stands out nowhere is none by that. */
+static void what_stands_out_goes_along_the_course_that_is_told_there(void **state)
+{
+    const struct volume_course courses[3] = {
+        {{{0.5f, 0.0f, 2.1f}, {-0.3f, 0.0f, 1.2f}, 15.0f}, 0.9f},
+        {{{0.4f, 0.0f, 2.0f}, {3.0f, 0.0f, -2.0f}, 20.0f}, 0.75f},
+        {{{-0.6f, 0.0f, 2.4f}, {1.0f, 0.0f, 0.5f}, 90.0f}, 0.97f}};
+    unsigned long long seed = 3;
+    float *image = malloc(CELLS * sizeof *image);
+    struct object_list list;
+    struct error why;
+    struct detector d;
+
+    (void)state;
+    assert_non_null(image);
+    start(&d);
+    for (size_t i = 0; i < CELLS; i++)
+        image[i] = (float)-log(reference_random(&seed));
+    for (size_t z = 74; z <= 76; z++) /* x 0.4, z 2.0 */
+        for (size_t x = 99; x <= 101; x++)
+            image[z * NX + x] = x == 100 && z == 75 ? 2000.0f : 500.0f;
+    struct volume v = volume_of(&d, image, 1, false);
+    const struct walls none = {.n = 0};
+    v.courses = courses;
+    v.n_courses = 3;
+    assert_int_equal(detector_volume(&d, &v, &none, &list, &why), 0);
+    assert_int_equal(list.n, 1);
+    const struct object *o = &list.objects[0];
+    assert_true(o->has_course && !o->moves);
+    assert_near(o->course_m_s[0], 3.0, 1e-6);
+    assert_near(o->course_m_s[1], -2.0, 1e-6);
+    assert_near(o->course_doubt, 0.25, 1e-6);
+    free(image);
+    detector_clear(&d);
+}
+
 /* What it had while it stood serves one that sets off, until more is known. */
 static void one_that_sets_off_knows_noise_already(void **state)
 {
@@ -214,6 +250,7 @@ int main(void)
         cmocka_unit_test(what_stands_makes_no_noise_where_it_was_taken_away),
         cmocka_unit_test(noise_is_not_learnt_while_a_background_begins),
         cmocka_unit_test(what_moves_is_an_object_where_it_does_not_stand_out),
+        cmocka_unit_test(what_stands_out_goes_along_the_course_that_is_told_there),
         cmocka_unit_test(one_that_sets_off_knows_noise_already),
         cmocka_unit_test(what_is_held_is_within_its_reach_wherever_it_is),
     };

@@ -425,6 +425,12 @@ static void traces_and_images_of_others_are_refused(void **state)
     IMAGE(wrong.n_ambiguous = 1, "ambiguous of an image is NULL");
     IMAGE((wrong.ambiguous = movers[0], wrong.n_ambiguous = 2),
           "ambiguous of an image: 1 is none");
+    static const float courses[2][8] = {{0.0f, 0.0f, 1.0f, 0.5f, 0.0f, 0.0f, 9.0f, 0.5f},
+                                        {0.0f, 0.0f, 1.0f, 0.5f, 0.0f, 0.0f, 9.0f, 1.5f}};
+    IMAGE(wrong.n_courses = 1, "courses of an image is NULL");
+    IMAGE((wrong.courses = courses[0], wrong.n_courses = 9), "8 at most");
+    IMAGE((wrong.courses = courses[0], wrong.n_courses = 2),
+          "courses of an image: 1 is none");
 #undef IMAGE
     ok(anlos_detector_image(d, &image, NULL, 0, &why)); /* empty: no objects */
     anlos_compressor_destroy(c);

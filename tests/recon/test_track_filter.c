@@ -223,6 +223,37 @@ static void a_measured_velocity_is_weighed_against_what_is_known(void **state)
     }
 }
 
+/* One that is as likely wrong, then anywhere in 100 m2/s2: what both say weighs as their
+ * likelihoods do, and the variance is that of a mixture of both. */
+static void a_velocity_that_may_be_wrong_weighs_as_much_as_it_is_likely(void **state)
+{
+    struct track_filter sure, f;
+    struct track_position p = measured(1.0, 2.0, 0.1);
+    const double told_m_s[] = {0.3, 2.0, 6.0};
+
+    (void)state;
+    p.velocity_m2_s2[0][0] = p.velocity_m2_s2[1][1] = 0.25;
+    for (size_t i = 0; i < sizeof told_m_s / sizeof *told_m_s; i++)
+        for (double doubt = 0.1; doubt < 1.05; doubt += 0.3) {
+            p.has_velocity = true;
+            p.velocity_m_s[0] = told_m_s[i];
+            p.velocity_doubt = doubt;
+            track_filter_start(&f, &p, 2.0);
+            p.velocity_doubt = 0.0;
+            track_filter_start(&sure, &p, 2.0);
+            double likely = (1.0 - doubt) * exp(-0.5 * told_m_s[i] * told_m_s[i] / 4.25) /
+                            (2.0 * M_PI * 4.25);
+            double w = likely / (likely + doubt / 100.0);
+            assert_near(f.state[0], 1.0, 1e-12);
+            assert_near(f.state[2], w * sure.state[2], 1e-9);
+            assert_near(f.covariance[2][2],
+                        w / 4.25 + (1.0 - w) * 4.0 +
+                            w * (1.0 - w) * sure.state[2] * sure.state[2],
+                        1e-9);
+            assert_near(f.covariance[3][3], w / 4.25 + (1.0 - w) * 4.0, 1e-9);
+        }
+}
+
 /* A place and a velocity at once know it as soon as two places do. */
 static void with_its_velocity_it_is_known_where_it_will_be(void **state)
 {
@@ -284,6 +315,7 @@ int main(void)
         cmocka_unit_test(a_position_that_lags_is_taken_for_when_it_was),
         cmocka_unit_test(errors_are_as_large_as_the_covariance_says),
         cmocka_unit_test(a_measured_velocity_is_weighed_against_what_is_known),
+        cmocka_unit_test(a_velocity_that_may_be_wrong_weighs_as_much_as_it_is_likely),
         cmocka_unit_test(with_its_velocity_it_is_known_where_it_will_be),
         cmocka_unit_test(the_density_is_one_altogether),
         cmocka_unit_test(a_height_that_is_assumed_is_not_averaged),

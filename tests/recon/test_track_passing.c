@@ -260,6 +260,31 @@ static void what_began_beside_something_fast_is_rather_gone_than_hidden(void **s
     assert_true(existence[0] < 0.75);
 }
 
+/* As it is told first, beside a cyclist and far from him: a car's rear goes as its front
+ * does. */
+static void what_begins_beside_something_fast_goes_like_that(void **state)
+{
+    struct track_rig *r = *state;
+    double first_m_s[2] = {-1.0, -1.0};
+
+    for (double y = -4.0; y < 1.0; y += 4.0 * FRAME_S) {
+        hear_nearest(r, y, 0.4);
+        for (int far = 0; far < 2 && y > 0.0; far++) {
+            hear(r, FLANK_M + 3.0 + 5.0 * far, y, 1.0);
+            r->detections[r->scan.n - 1].proven = 0.98;
+        }
+        track_rig_step(r);
+        for (size_t i = 0; i < r->n; i++) {
+            const struct track_report *one = &r->reports[i];
+            double *first = &first_m_s[one->position_m[0] > FLANK_M + 6.0];
+            if (one->position_m[0] > FLANK_M + 2.0 && *first < 0.0)
+                *first = one->velocity_m_s[1];
+        }
+    }
+    assert_near(first_m_s[0], 3.5, 0.3); /* as fast as what is heard of him */
+    assert_near(first_m_s[1], 0.0, 0.3);
+}
+
 /* Its front corner, as it comes; in images with what stands a car has to be known. */
 static void a_spot_of_a_car_is_looked_for(void **state)
 {
@@ -336,6 +361,7 @@ int main(void)
         TEST(what_is_heard_at_the_border_of_the_image_has_gone_on),
         TEST(a_walker_who_is_heard_at_the_border_is_there),
         TEST(what_began_beside_something_fast_is_rather_gone_than_hidden),
+        TEST(what_begins_beside_something_fast_goes_like_that),
         TEST(a_spot_of_a_car_is_looked_for),
         TEST(what_stands_tells_of_no_car),
         TEST(a_cyclist_is_told_as_fast_as_he_is_and_in_his_middle),

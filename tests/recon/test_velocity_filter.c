@@ -68,19 +68,26 @@ static struct velocity_filter_config filter_config(const struct bumper *b)
     return (struct velocity_filter_config){.grid = b->cfg.grid,
                                            .n_pings = b->cfg.n_pings,
                                            .turns_per_m = b->cfg.format.carrier_hz /
-                                                          b->world.sound_speed_m_s};
+                                                          b->world.sound_speed_m_s,
+                                           .sound_speed_m_s = b->world.sound_speed_m_s};
 }
 
-/* What moves in the image of so many pings. */
-static void scene_find(struct scene *s, size_t pings)
+static void scene_look(struct scene *s, size_t pings, bool taken)
 {
     scene_image(s, pings);
     const struct velocity_filter_config cfg = filter_config(&s->bumper);
     struct velocity_filter *v;
     assert_int_equal(velocity_filter_create(&v, &cfg), 0);
-    velocity_filter_find(v, s->frames, s->image, &s->found);
+    velocity_filter_find(v, s->frames, s->image, taken, &s->found);
     velocity_filter_destroy(v);
     scene_stop(s);
+}
+
+/* What moves in the image of so many pings. */
+static void scene_find(struct scene *s, size_t pings)
+{
+    scene_look(s, pings, false);
+    assert_int_equal(s->found.n_courses, 0);
     assert_true(s->found.n_movers <= VOLUME_MOVERS);
     assert_true(s->found.n_ambiguous <= VOLUME_MOVERS);
     for (size_t m = 0; m < s->found.n_movers; m++)
@@ -311,6 +318,9 @@ static void the_pings_are_looked_at_from_where_the_array_stood(void **state)
             double age_s = (double)ago * b->slot_s;
             size_t speaker = (PINGS - 1 - ago) % b->geometry.n_speakers;
             assert_near(looks[l].age_s, age_s, 1e-6);
+            assert_near(looks[l].sweep_s_hz,
+                        b->world.chirp_s / (b->world.chirp_hz[1] - b->world.chirp_hz[0]),
+                        1e-12);
             /* its microphones have their middle at x = 0, and go on for 20 ms */
             assert_near(looks[l].middle_m[0], 0.5 * b->speakers_m[speaker][0], 1e-3);
             assert_near(looks[l].middle_m[1], 0.025, 1e-3);
@@ -612,6 +622,72 @@ static void what_is_slow_is_no_mover(void **state)
     }
 }
 
+/* -- how what stands out goes, where what stands was taken away -------------------------
+ */
+
+/* As fast as a car, alone: one chirp is smeared over 2 v T, 8 to 20 cm. */
+static void expect_course(const struct course *c, bool alternates)
+{
+    static struct scene s;
+
+    for (size_t q = 0; q < ARRAYS; q++) {
+        size_t told = 0;
+        scene_default(&s, speaker_counts[q], 0.0);
+        s.bumper.alternates = alternates;
+        add_point(&s, c->at_m, c->velocity_m_s);
+        scene_look(&s, PINGS, true);
+        assert_int_equal(s.found.n_movers + s.found.n_ambiguous, 0);
+        assert_true(s.found.n_courses <= VOLUME_MOVERS);
+        for (size_t i = 0; i < s.found.n_courses; i++) {
+            const struct volume_course *one = &s.found.courses[i];
+            const struct off o = off_course(c, &one->mover);
+            assert_true(volume_course_is_sound(one));
+            told += one->sure > 0.9f && fabs(o.along_m_s) < 0.15 && o.across_m_s < 0.7;
+            if (one->sure > 0.9f && !(fabs(o.along_m_s) < 0.15 && o.across_m_s < 0.7))
+                print_error("%s: off by %.2f and %.2f m/s, sure %.2f\n", c->what,
+                            o.along_m_s, o.across_m_s, (double)one->sure);
+        }
+        assert_int_equal(told, 1);
+    }
+}
+
+static void how_fast_a_car_comes_is_told(void **state)
+{
+    (void)state;
+    const struct course courses[] = {
+        {"walks towards", {0.0, 0.0, 2.2}, {0.0, 0.0, -1.3}},
+        {"drives towards", {0.0, 0.0, 2.2}, {0.0, 0.0, -4.0}},
+        {"drives away", {0.2, 0.0, 2.2}, {0.0, 0.0, 4.0}},
+        {"drives by", {0.2, 0.0, 2.4}, {4.0, 0.0, 0.0}},
+        {"comes by", {-0.9, 0.0, 2.2}, {3.5, 0.0, -1.0}},
+    };
+    for (size_t i = 0; i < sizeof courses / sizeof *courses; i++)
+        expect_course(&courses[i], false);
+}
+
+static void a_chirp_that_runs_down_is_smeared_the_other_way(void **state)
+{
+    (void)state;
+    expect_course(
+        &(const struct course){"drives towards", {0.0, 0.0, 2.2}, {0.0, 0.0, -3.0}},
+        true);
+}
+
+static void noise_and_what_rests_have_no_course(void **state)
+{
+    (void)state;
+    static struct scene s;
+
+    for (int there = 0; there < 2; there++) {
+        scene_default(&s, 8, 0.0);
+        if (there)
+            add_rest(&s, (const double[3]){0.1, 0.0, 2.2});
+        scene_look(&s, PINGS, true);
+        assert_int_equal(s.found.n_movers + s.found.n_ambiguous, 0);
+        assert_int_equal(s.found.n_courses, 0);
+    }
+}
+
 static void fewer_than_two_pings_tell_of_no_mover(void **state)
 {
     (void)state;
@@ -666,6 +742,9 @@ int main(void)
         cmocka_unit_test(a_point_high_overhead_is_no_mover),
         cmocka_unit_test(a_plane_at_rest_is_no_mover),
         cmocka_unit_test(what_is_slow_is_no_mover),
+        cmocka_unit_test(how_fast_a_car_comes_is_told),
+        cmocka_unit_test(a_chirp_that_runs_down_is_smeared_the_other_way),
+        cmocka_unit_test(noise_and_what_rests_have_no_course),
         cmocka_unit_test(fewer_than_two_pings_tell_of_no_mover),
         cmocka_unit_test(images_that_are_no_plan_view_are_refused),
     };

@@ -53,6 +53,11 @@ struct anlos_image {
      * a tracker follows it, and waits for its places to tell.  NULL: none. */
     const float *ambiguous; /* [n_ambiguous][7], as movers */
     size_t n_ambiguous;
+    /* Where what stands was taken away, of what stands out: how it goes; a tracker knows
+     * its velocity earlier by it.  NULL: none. */
+    const float *courses; /* [n_courses][8]: as movers, and how probable it is that it
+                           * goes so, 0..1 */
+    size_t n_courses;
 };
 
 #endif

@@ -401,11 +401,12 @@ class _Stage:
         s = self._filled("image")
         facts = _values(s)
         for name in ("size", "intensity", "n", "newest_n", "coarse_n", "n_beyond", "n_movers",
-                     "n_ambiguous"):
+                     "n_ambiguous", "n_courses"):
             del facts[name]
         for name, n in (("newest", s.newest_n), ("coarse", s.coarse_n),
                         ("beyond", (4, s.n_beyond, 1)), ("movers", (7, s.n_movers, 1)),
-                        ("ambiguous", (7, s.n_ambiguous, 1))):
+                        ("ambiguous", (7, s.n_ambiguous, 1)),
+                        ("courses", (8, s.n_courses, 1))):
             there = getattr(s, name) != _ffi.NULL
             facts[name] = _copied(getattr(s, name), n) if there else None
         for name in _ROWS:
@@ -637,7 +638,8 @@ class StaticArray(_OnVehicle, _TakesTraces):
         super().__init__("static_array", survey, "static", config)
 
 
-_ROWS = {"beyond": ("place", 4), "movers": ("mover", 7), "ambiguous": ("mover", 7)}
+_ROWS = {"beyond": ("place", 4), "movers": ("mover", 7), "ambiguous": ("mover", 7),
+         "courses": ("course", 8)}
 
 
 def _image_struct(image):
