@@ -247,8 +247,8 @@ static struct courses choose_courses(const struct velocity_filter *v,
                         .along = steps(way_m, END_ALONG_M, ENDS_ALONG)};
     double end_across_m = s->end_across_m * c.across;
     double aside_m = bent_m(s, end_across_m) + DRIVES_M_S * v->unlike_s;
-    double room_m = END_ALONG_M * ENDS_ALONG + BENT_M - aside_m;
-    c.along = steps(fmin(END_ALONG_M * c.along, room_m), END_ALONG_M, ENDS_ALONG);
+    int most = (int)((END_ALONG_M * ENDS_ALONG + BENT_M - aside_m) / END_ALONG_M);
+    c.along = c.along < most ? c.along : most;
     double end_along_m = END_ALONG_M * c.along + aside_m;
 
     c.columns = ACROSS + 1 + steps(end_across_m, s->across_m, COLUMNS / 2);

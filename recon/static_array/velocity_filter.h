@@ -48,7 +48,8 @@ int velocity_filter_create(struct velocity_filter **out,
  *
  * Where what stands was `taken` away all that stands out has moved, and may drive: of the
  * four brightest places in the newest 0.11 s, courses of up to 6 m/s, and how sure each
- * is, in place of movers. */
+ * is, in place of movers.  Where chirps of 20 ms run up and down in turn, up to 2 m/s:
+ * motion smears these over depth in opposite ways. */
 void velocity_filter_find(struct velocity_filter *v, struct frames *f,
                           const float *intensity, bool taken, struct velocities *out);
 void velocity_filter_destroy(struct velocity_filter *v);

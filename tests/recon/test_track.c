@@ -941,6 +941,31 @@ static void see_may_go(struct rig *r, double x, double y, double vx, double vy)
     d->sight[0] = 1.0;
 }
 
+/* Told at once, of one detection and of two: as fast as its course says, as far as that
+ * is likely to be right. */
+static void a_course_that_may_be_wrong_is_believed_as_much(void **state)
+{
+    struct rig *r = *state;
+
+    for (int parts = 1; parts <= 2; parts++) {
+        double speed_m_s[3];
+        for (int i = 0; i < 3; i++) {
+            use(r);
+            for (int part = 0; part < parts; part++) {
+                see_may_go(r, 3.0, 1.0 + 0.1 * part, 0.0, 2.0);
+                r->detections[r->scan.n - 1].course_doubt = 0.5 * i;
+                r->detections[r->scan.n - 1].proven = 0.97;
+            }
+            step(r);
+            assert_int_equal(r->n, 1);
+            speed_m_s[i] = r->reports[0].velocity_m_s[1];
+        }
+        assert_true(speed_m_s[0] > 1.5);
+        assert_true(speed_m_s[1] > 0.5 && speed_m_s[1] < speed_m_s[0] - 0.2);
+        assert_near(speed_m_s[2], 0.0, 1e-9);
+    }
+}
+
 static void see_go(struct rig *r, double x, double y, double vx, double vy)
 {
     see_may_go(r, x, y, vx, vy);
@@ -1388,6 +1413,7 @@ int main(void)
         TEST(as_many_as_there_can_be),
         TEST(values_out_of_range_are_refused),
         TEST(what_stands_in_the_image_is_not_told),
+        TEST(a_course_that_may_be_wrong_is_believed_as_much),
         TEST(whose_phases_go_along_a_course_is_told_beside_what_stands),
         TEST(whose_courses_do_not_agree_is_not_told),
         TEST(whose_course_is_none_of_rest_is_told_once_velocities_agree),

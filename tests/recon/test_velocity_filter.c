@@ -625,15 +625,23 @@ static void what_is_slow_is_no_mover(void **state)
 /* -- how what stands out goes, where what stands was taken away -------------------------
  */
 
-/* As fast as a car, alone: one chirp is smeared over 2 v T, 8 to 20 cm. */
-static void expect_course(const struct course *c, bool alternates)
+struct firing {
+    double slot_s, chirp_s;
+    bool alternates;
+};
+
+/* As fast as a car, alone.  An odd number of pings, or an even one, in 0.11 s. */
+static void expect_course(const struct course *c, const struct firing *firing)
 {
     static struct scene s;
 
     for (size_t q = 0; q < ARRAYS; q++) {
         size_t told = 0;
         scene_default(&s, speaker_counts[q], 0.0);
-        s.bumper.alternates = alternates;
+        s.bumper.slot_s = firing->slot_s;
+        s.bumper.world.chirp_s = firing->chirp_s;
+        s.bumper.alternates = firing->alternates;
+        bumper_drive(&s.bumper);
         add_point(&s, c->at_m, c->velocity_m_s);
         scene_look(&s, PINGS, true);
         assert_int_equal(s.found.n_movers + s.found.n_ambiguous, 0);
@@ -641,9 +649,10 @@ static void expect_course(const struct course *c, bool alternates)
         for (size_t i = 0; i < s.found.n_courses; i++) {
             const struct volume_course *one = &s.found.courses[i];
             const struct off o = off_course(c, &one->mover);
+            bool right = fabs(o.along_m_s) < 0.15 && o.across_m_s < 0.7;
             assert_true(volume_course_is_sound(one));
-            told += one->sure > 0.9f && fabs(o.along_m_s) < 0.15 && o.across_m_s < 0.7;
-            if (one->sure > 0.9f && !(fabs(o.along_m_s) < 0.15 && o.across_m_s < 0.7))
+            told += one->sure > 0.9f && right;
+            if (!right)
                 print_error("%s: off by %.2f and %.2f m/s, sure %.2f\n", c->what,
                             o.along_m_s, o.across_m_s, (double)one->sure);
         }
@@ -661,16 +670,43 @@ static void how_fast_a_car_comes_is_told(void **state)
         {"drives by", {0.2, 0.0, 2.4}, {4.0, 0.0, 0.0}},
         {"comes by", {-0.9, 0.0, 2.2}, {3.5, 0.0, -1.0}},
     };
-    for (size_t i = 0; i < sizeof courses / sizeof *courses; i++)
-        expect_course(&courses[i], false);
+    for (size_t i = 0; i < sizeof courses / sizeof *courses; i++) {
+        expect_course(&courses[i], &(const struct firing){24e-3, 5e-3, false});
+        expect_course(&courses[i], &(const struct firing){36e-3, 5e-3, false});
+    }
 }
 
-static void a_chirp_that_runs_down_is_smeared_the_other_way(void **state)
+/* 20 ms: what comes with 1.5 m/s is heard 4 cm nearer by the one than by the other. */
+static void a_chirp_that_runs_down_is_heard_as_of_earlier(void **state)
 {
     (void)state;
     expect_course(
-        &(const struct course){"drives towards", {0.0, 0.0, 2.2}, {0.0, 0.0, -3.0}},
-        true);
+        &(const struct course){"walks towards", {0.0, 0.0, 2.2}, {0.0, 0.0, -1.5}},
+        &(const struct firing){36e-3, 20e-3, true});
+}
+
+static void pings_are_looked_at_as_far_back_as_is_asked_for(void **state)
+{
+    (void)state;
+    static struct scene s;
+    struct frames_look looks[PINGS];
+    struct frames_made made;
+
+    scene_default(&s, 2, 0.0);
+    s.bumper.alternates = true;
+    scene_image(&s, PINGS);
+    frames_look_back(s.frames, 0.11);
+    assert_int_equal(frames_looks(s.frames, looks), 5);
+    for (size_t l = 0; l < 5; l++) {
+        const struct moving *w = &s.bumper.world;
+        bool down = lround(looks[l].age_s / s.bumper.slot_s) % 2 == 0;
+        double sweep = w->chirp_s / (w->chirp_hz[1] - w->chirp_hz[0]);
+        assert_true(looks[l].age_s < 0.11);
+        assert_near(looks[l].sweep_s_hz, down ? -sweep : sweep, 1e-12);
+    }
+    frames_image(s.frames, &s.bumper.motion, s.image, &made);
+    assert_int_equal(frames_looks(s.frames, looks), PINGS);
+    scene_stop(&s);
 }
 
 static void noise_and_what_rests_have_no_course(void **state)
@@ -743,7 +779,8 @@ int main(void)
         cmocka_unit_test(a_plane_at_rest_is_no_mover),
         cmocka_unit_test(what_is_slow_is_no_mover),
         cmocka_unit_test(how_fast_a_car_comes_is_told),
-        cmocka_unit_test(a_chirp_that_runs_down_is_smeared_the_other_way),
+        cmocka_unit_test(a_chirp_that_runs_down_is_heard_as_of_earlier),
+        cmocka_unit_test(pings_are_looked_at_as_far_back_as_is_asked_for),
         cmocka_unit_test(noise_and_what_rests_have_no_course),
         cmocka_unit_test(fewer_than_two_pings_tell_of_no_mover),
         cmocka_unit_test(images_that_are_no_plan_view_are_refused),
