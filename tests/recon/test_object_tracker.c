@@ -56,7 +56,10 @@ struct walker {
     bool ambiguous; /* he may rest by what the phases of single images say */
     bool beside;    /* beside a bright spot of what rests, whose sidelobe he may be */
     bool taken;     /* what stands is taken from the images, and he is all that is left */
+    float sure;     /* that he goes by with 1.2 m/s; 0: no course is told */
 };
+
+static double told_m_s; /* how fast, of who was told last */
 
 /* A spot of noise's level times power. */
 static void add_spot(float *image, double x_m, double z_m, float power)
@@ -107,6 +110,8 @@ static int images_until(const struct walker *w, double ego_m_s, double gate_m)
         }
         if (w->taken)
             add_spot(image, (double)it.at_m[0], (double)it.at_m[2], 6000.0f);
+        const struct volume_course by = {
+            {{it.at_m[0], it.at_m[1], it.at_m[2]}, {1.2f, 0.0f, 0.0f}, 40.0f}, w->sure};
         const struct volume v = {
             .survey_id = survey_id,
             .capture_ns = now_ns,
@@ -122,11 +127,16 @@ static int images_until(const struct walker *w, double ego_m_s, double gate_m)
             .movers = &it,
             .n_movers = !w->ambiguous && !w->taken,
             .ambiguous = &it,
-            .n_ambiguous = w->ambiguous};
+            .n_ambiguous = w->ambiguous,
+            .courses = &by,
+            .n_courses = w->sure > 0.0f};
         assert_int_equal(object_tracker_volume(t, &v, &list, &why), 0);
         for (size_t i = 0; i < list.n; i++)
-            if (list.objects[i].tracked)
+            if (list.objects[i].tracked) {
+                const double *v_m_s = list.objects[i].velocity_m_s;
                 told = k;
+                told_m_s = hypot(v_m_s[0], v_m_s[1]);
+            }
     }
     object_tracker_destroy(t);
     return told;
@@ -194,6 +204,21 @@ static void who_goes_a_way_of_his_own_is_no_sidelobe_of_what_rests(void **state)
     assert_int_equal(images_until(&w, 0.0, GATE_M), INT_MAX);
 }
 
+/* He stands, and a course of 1.2 m/s is told of him. */
+static void a_course_counts_as_much_as_it_is_sure(void **state)
+{
+    (void)state;
+    struct walker w = {.at_m = {0.3f, (float)GATE_M - 0.2f}, .taken = true};
+
+    w.sure = 1.0f;
+    assert_in_range(images_until(&w, 0.0, GATE_M), 1, 12);
+    double sure_m_s = told_m_s;
+    w.sure = 0.02f;
+    assert_in_range(images_until(&w, 0.0, GATE_M), 1, 12);
+    assert_true(sure_m_s > 0.4); /* between that and his places */
+    assert_true(told_m_s < 0.5 * sure_m_s);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -201,6 +226,7 @@ int main(void)
         cmocka_unit_test(who_comes_is_told_from_a_step_beyond_the_gate_on),
         cmocka_unit_test(what_a_background_leaves_beyond_the_gate_has_to_move),
         cmocka_unit_test(who_goes_a_way_of_his_own_is_no_sidelobe_of_what_rests),
+        cmocka_unit_test(a_course_counts_as_much_as_it_is_sure),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
