@@ -75,6 +75,9 @@ static void of_a_walker(const struct tracker *t, const struct track_detection *d
 static void take_course(const struct tracker *t, const struct track_detection *d,
                         double fresh, struct track_position *p)
 {
+    p->velocity_fresh = fresh;
+    if (d->course_doubt > 0.0) /* a filter takes it in parts */
+        fresh = 1.0;
     double across2 = COURSE_ACROSS_M_S * COURSE_ACROSS_M_S / fresh;
     double less2 = across2 - COURSE_ALONG_M_S * COURSE_ALONG_M_S / fresh;
     double c[2][2];
@@ -281,6 +284,7 @@ void track_gather(const struct tracker *t, const struct track_scan *scan,
             moving = scan->detections[j].power;
             middle->has_velocity = true;
             middle->velocity_doubt = p->velocity_doubt;
+            middle->velocity_fresh = p->velocity_fresh;
             memcpy(middle->velocity_m_s, p->velocity_m_s, sizeof p->velocity_m_s);
             memcpy(middle->velocity_m2_s2, p->velocity_m2_s2, sizeof p->velocity_m2_s2);
         }

@@ -178,7 +178,8 @@ static void update_velocity(struct track_filter *f, const struct track_position 
         return;
     compare(&was, &velocity, residual, s, across);
     double right = (1.0 - p->velocity_doubt) * density(residual, (const double(*)[2])s);
-    mix(&was, right / (right + p->velocity_doubt / ANY_M2_S2), f);
+    double wrong = p->velocity_doubt / ANY_M2_S2;
+    mix(&was, 1.0 - pow(wrong / (right + wrong), p->velocity_fresh), f);
 }
 
 void track_filter_update(struct track_filter *f, const struct track_position *p)

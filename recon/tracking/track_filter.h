@@ -35,6 +35,7 @@ struct track_position { /* a measured one, in the frame of the filter */
     bool height_assumed;   /* the same prior each time: not averaged */
     bool has_velocity;     /* was measured, too, */
     double velocity_doubt; /* and is wrong with this probability: then it may be any */
+    double velocity_fresh; /* what part of that was not told before, 0..1 */
     double velocity_m_s[2], velocity_m2_s2[2][2];
 };
 

@@ -223,8 +223,9 @@ static void a_measured_velocity_is_weighed_against_what_is_known(void **state)
     }
 }
 
-/* One that is as likely wrong, then anywhere in 100 m2/s2: what both say weighs as their
- * likelihoods do, and the variance is that of a mixture of both. */
+/* One that may be wrong, then anywhere in 100 m2/s2: what both say weighs as their
+ * likelihoods do, and the variance is that of a mixture of both.  Told four times in
+ * parts, it weighs as much in all. */
 static void a_velocity_that_may_be_wrong_weighs_as_much_as_it_is_likely(void **state)
 {
     struct track_filter sure, f;
@@ -238,12 +239,14 @@ static void a_velocity_that_may_be_wrong_weighs_as_much_as_it_is_likely(void **s
             p.has_velocity = true;
             p.velocity_m_s[0] = told_m_s[i];
             p.velocity_doubt = doubt;
+            p.velocity_fresh = i == 1 ? 0.25 : 1.0;
             track_filter_start(&f, &p, 2.0);
             p.velocity_doubt = 0.0;
             track_filter_start(&sure, &p, 2.0);
             double likely = (1.0 - doubt) * exp(-0.5 * told_m_s[i] * told_m_s[i] / 4.25) /
                             (2.0 * M_PI * 4.25);
-            double w = likely / (likely + doubt / 100.0);
+            double wrong = doubt / 100.0 / (likely + doubt / 100.0);
+            double w = 1.0 - pow(wrong, p.velocity_fresh);
             assert_near(f.state[0], 1.0, 1e-12);
             assert_near(f.state[2], w * sure.state[2], 1e-9);
             assert_near(f.covariance[2][2],
