@@ -562,36 +562,40 @@ static void around_from_message(struct surroundings_view *a, const Anlos__Volume
     a->spots = (const float(*)[4])spots;
 }
 
-static size_t movers_from_message(const Anlos__Tensor *m,
-                                  const struct volume_mover **movers)
+/* Of so many numbers each; *n of them, 0 where they are none. */
+static const void *rows_from_message(const Anlos__Tensor *m, size_t size, size_t *n)
 {
     size_t extents[2];
     const float *rows = m ? tensor_f32(m, 2, extents) : NULL;
+    bool sound = rows && extents[0] <= VOLUME_MOVERS &&
+                 extents[1] == size / sizeof(float);
 
-    if (!rows || extents[0] > VOLUME_MOVERS ||
-        extents[1] != sizeof **movers / sizeof(float))
-        return 0;
-    *movers = (const struct volume_mover *)(const void *)rows;
-    for (size_t i = 0; i < extents[0]; i++)
+    *n = sound ? extents[0] : 0;
+    return rows;
+}
+
+static size_t movers_from_message(const Anlos__Tensor *m,
+                                  const struct volume_mover **movers)
+{
+    size_t n;
+
+    *movers = rows_from_message(m, sizeof **movers, &n);
+    for (size_t i = 0; i < n; i++)
         if (!volume_mover_is_sound(*movers + i))
             return 0;
-    return extents[0];
+    return n;
 }
 
 static size_t courses_from_message(const Anlos__Tensor *m,
                                    const struct volume_course **courses)
 {
-    size_t extents[2];
-    const float *rows = m ? tensor_f32(m, 2, extents) : NULL;
+    size_t n;
 
-    if (!rows || extents[0] > VOLUME_MOVERS ||
-        extents[1] != sizeof **courses / sizeof(float))
-        return 0;
-    *courses = (const struct volume_course *)(const void *)rows;
-    for (size_t i = 0; i < extents[0]; i++)
+    *courses = rows_from_message(m, sizeof **courses, &n);
+    for (size_t i = 0; i < n; i++)
         if (!volume_course_is_sound(*courses + i))
             return 0;
-    return extents[0];
+    return n;
 }
 
 void volume_from_message(struct volume *v, const Anlos__Volume *m, int64_t capture_ns)

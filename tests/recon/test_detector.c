@@ -101,6 +101,21 @@ static void noise_is_not_learnt_while_a_background_begins(void **state)
     detector_clear(&d);
 }
 
+/* Noise, and a spot at x 0.4, z 2.0.  Free it. */
+static float *draw_one_bright(void)
+{
+    unsigned long long seed = 3;
+    float *image = malloc(CELLS * sizeof *image);
+
+    assert_non_null(image);
+    for (size_t i = 0; i < CELLS; i++)
+        image[i] = (float)-log(reference_random(&seed));
+    for (size_t z = 74; z <= 76; z++)
+        for (size_t x = 99; x <= 101; x++)
+            image[z * NX + x] = x == 100 && z == 75 ? 2000.0f : 500.0f;
+    return image;
+}
+
 /* Beside one that stands out, and where nothing does. */
 static void what_moves_is_an_object_where_it_does_not_stand_out(void **state)
 {
@@ -111,20 +126,13 @@ static void what_moves_is_an_object_where_it_does_not_stand_out(void **state)
     const struct volume_mover ambiguous[2] = {
         {{0.4f, 0.0f, 2.0f}, {0.9f, 0.0f, -0.2f}, 90.0f},
         {{1.2f, 0.0f, 1.8f}, {0.2f, 0.0f, 0.7f}, 20.0f}};
-    unsigned long long seed = 3;
-    float *image = malloc(CELLS * sizeof *image);
+    float *image = draw_one_bright();
     struct object_list list;
     struct error why;
     struct detector d;
 
     (void)state;
-    assert_non_null(image);
     start(&d);
-    for (size_t i = 0; i < CELLS; i++)
-        image[i] = (float)-log(reference_random(&seed));
-    for (size_t z = 74; z <= 76; z++) /* x 0.4, z 2.0 */
-        for (size_t x = 99; x <= 101; x++)
-            image[z * NX + x] = x == 100 && z == 75 ? 2000.0f : 500.0f;
     struct volume v = volume_of(&d, image, 1, true);
     const struct walls none = {.n = 0};
     assert_int_equal(detector_volume(&d, &v, &none, &list, &why), 0);
@@ -172,20 +180,13 @@ static void what_stands_out_goes_along_the_course_that_is_told_there(void **stat
         {{{0.5f, 0.0f, 2.1f}, {-0.3f, 0.0f, 1.2f}, 15.0f}, 0.9f},
         {{{0.4f, 0.0f, 2.0f}, {3.0f, 0.0f, -2.0f}, 20.0f}, 0.75f},
         {{{-0.6f, 0.0f, 2.4f}, {1.0f, 0.0f, 0.5f}, 90.0f}, 0.97f}};
-    unsigned long long seed = 3;
-    float *image = malloc(CELLS * sizeof *image);
+    float *image = draw_one_bright();
     struct object_list list;
     struct error why;
     struct detector d;
 
     (void)state;
-    assert_non_null(image);
     start(&d);
-    for (size_t i = 0; i < CELLS; i++)
-        image[i] = (float)-log(reference_random(&seed));
-    for (size_t z = 74; z <= 76; z++) /* x 0.4, z 2.0 */
-        for (size_t x = 99; x <= 101; x++)
-            image[z * NX + x] = x == 100 && z == 75 ? 2000.0f : 500.0f;
     struct volume v = volume_of(&d, image, 1, false);
     const struct walls none = {.n = 0};
     v.courses = courses;
