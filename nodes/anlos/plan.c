@@ -77,15 +77,20 @@ struct request {
     size_t threads;
 };
 
+#define ABOVE_0(field)                                                                   \
+    USAGE_NUMBER(struct request, field, USAGE_ABOVE_0, USAGE_ANY),                       \
+        .expected = "a number above 0"
+
 static const struct usage_option options[] = {
     {"survey", USAGE_VALUE('s')},
     {"scene", USAGE_VALUE('S')},
     {"rig", USAGE_VALUE('r')},
-    {"time-s", USAGE_VALUE('t')},
-    {"error-cm", USAGE_VALUE('e')},
-    {"snr-db", USAGE_VALUE('n')},
+    {"time-s", ABOVE_0(plan.time_s)},
+    {"error-cm", ABOVE_0(plan.error_m), .unit = 0.01},
+    {"snr-db", USAGE_NUMBER(struct request, plan.snr_db, -USAGE_ANY, USAGE_ANY),
+     .expected = "a number"},
     {"at", USAGE_VALUE('a')},
-    {"far-m", USAGE_VALUE('f')},
+    {"far-m", ABOVE_0(far_m)},
     {"stage", USAGE_VALUE('g')},
     {"reach", USAGE_VALUE('R')},
     {"out", USAGE_TEXT(struct request, out)},
@@ -120,23 +125,7 @@ static int take_reach(struct scan_stage *stage, const char *text)
 /* 0, or an exit code. */
 static int take_option(struct request *q, int code)
 {
-    double *number = code == 't'   ? &q->plan.time_s
-                     : code == 'e' ? &q->plan.error_m
-                     : code == 'f' ? &q->far_m
-                                   : NULL;
-    const char *name = code == 't' ? "time-s" : code == 'e' ? "error-cm" : "far-m";
-    if (number) {
-        if (usage_positive(optarg, number))
-            return usage_error("plan", "--%s %s: expected a number above 0", name,
-                               optarg);
-        *number *= code == 'e' ? 0.01 : 1.0;
-        return 0;
-    }
     switch (code) {
-    case 'n':
-        return usage_numbers(optarg, 1, &q->plan.snr_db)
-                   ? usage_error("plan", "--snr-db %s: expected a number", optarg)
-                   : 0;
     case 'a':
         q->has_at = true;
         return usage_numbers(optarg, 3, q->plan.at_m)

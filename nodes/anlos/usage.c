@@ -207,24 +207,49 @@ static int check_name(const struct usage *u, const struct usage_option *o)
                        near.best ? "?" : "");
 }
 
+static int refuse_number(const struct usage *u, const struct usage_option *o)
+{
+    char range[64];
+
+    if (o->kind == USAGE_IS_COUNT)
+        snprintf(range, sizeof range, "a number from %zu to %zu", o->min, o->max);
+    else
+        snprintf(range, sizeof range, "a number from %g to %g", o->least, o->most);
+    return usage_error(u->command, "--%s %s: expected %s", o->name, optarg,
+                       o->expected ? o->expected : range);
+}
+
 /* 0, or an exit code. */
 static int keep(const struct usage *u, const struct usage_option *o)
 {
     char *to = (char *)u->into + o->at;
     const bool yes = true;
+    double x;
     size_t n;
 
-    if (o->kind == USAGE_IS_FLAG)
+    switch (o->kind) {
+    case USAGE_IS_FLAG:
         memcpy(to, &yes, sizeof yes);
-    if (o->kind == USAGE_IS_TEXT)
-        memcpy(to, &optarg, sizeof optarg);
-    if (o->kind != USAGE_IS_COUNT)
         return 0;
-    if (usage_count(optarg, o->min, o->max, &n))
-        return usage_error(u->command, "--%s %s: expected a number from %zu to %zu",
-                           o->name, optarg, o->min, o->max);
-    memcpy(to, &n, sizeof n);
-    return 0;
+    case USAGE_IS_TEXT:
+        if (o->expected && !*optarg)
+            return usage_error(u->command, "--%s: expected %s", o->name, o->expected);
+        memcpy(to, &optarg, sizeof optarg);
+        return 0;
+    case USAGE_IS_COUNT:
+        if (usage_count(optarg, o->min, o->max, &n))
+            return refuse_number(u, o);
+        memcpy(to, &n, sizeof n);
+        return 0;
+    case USAGE_IS_NUMBER:
+        if (usage_numbers(optarg, 1, &x) || !(x >= o->least && x <= o->most))
+            return refuse_number(u, o);
+        x *= o->unit > 0.0 ? o->unit : 1.0;
+        memcpy(to, &x, sizeof x);
+        return 0;
+    default:
+        return 0;
+    }
 }
 
 /* Of one option: the names that its value may have. */
@@ -274,23 +299,11 @@ int usage_next(struct usage *u, int argc, char **argv)
             o += code - FIRST;
         while (code < FIRST && o->letter != code)
             o++;
-        wrong = o->names && !o->list ? check_name(u, o) : 0;
-        if (!wrong && (o->kind == USAGE_IS_SWITCH || o->kind == USAGE_IS_VALUE))
+        wrong = o->names && !o->list ? check_name(u, o) : keep(u, o);
+        if (!wrong && o->code)
             return o->code;
-        if (!wrong)
-            wrong = keep(u, o);
     }
     return wrong ? ~wrong : 0;
-}
-
-int usage_positive(const char *text, double *out)
-{
-    char *end;
-    double v = strtod(text, &end);
-    if (end == text || *end || !isfinite(v) || v <= 0.0)
-        return -EINVAL;
-    *out = v;
-    return 0;
 }
 
 int usage_numbers(const char *text, size_t n, double *out)

@@ -3,6 +3,7 @@
 #ifndef ANLOS_NODES_ANLOS_USAGE_H
 #define ANLOS_NODES_ANLOS_USAGE_H
 
+#include <float.h>
 #include <getopt.h> /* optarg, optind */
 #include <stdbool.h>
 #include <stddef.h>
@@ -54,15 +55,21 @@ int usage_unwritten(const char *command, int err);
 struct usage_option {
     const char *name; /* NULL: the end of the table */
     enum usage_kind {
-        USAGE_IS_SWITCH, /* without a value; its code is returned */
+        USAGE_IS_SWITCH, /* without a value */
         USAGE_IS_VALUE,  /* with one; of `names`, if it has any */
         USAGE_IS_FLAG,   /* kept: bool, which becomes true */
         USAGE_IS_TEXT,   /* const char *, borrowed from argv */
-        USAGE_IS_COUNT   /* size_t */
+        USAGE_IS_COUNT,  /* size_t */
+        USAGE_IS_NUMBER  /* double */
     } kind;
-    int code;
-    size_t at;           /* where it is kept in the struct that usage.into points to */
-    size_t min, max;     /* of a count */
+    int code;           /* is returned; 0: not, of one that is kept */
+    size_t at;          /* where it is kept in the struct that usage.into points to */
+    size_t min, max;    /* of a count */
+    double least, most; /* of a number, */
+    double unit;        /* which is kept times this; 0: as it is */
+    /* What an error says of either; NULL: from where to where.  Of a text: what it is
+     * that may not be empty; NULL: it may. */
+    const char *expected;
     char letter;         /* its short form; 0: none */
     choice_names *names; /* NULL: any */
     bool list;           /* several of them with commas between: the command checks */
@@ -75,6 +82,10 @@ struct usage_option {
 #define USAGE_TEXT(type, field) USAGE_KEPT(TEXT, type, field, const char *)
 #define USAGE_COUNT(type, field, least, most)                                            \
     USAGE_KEPT(COUNT, type, field, size_t), .min = (least), .max = (most)
+#define USAGE_NUMBER(type, field, from, to)                                              \
+    USAGE_KEPT(NUMBER, type, field, double), .least = (from), .most = (to)
+#define USAGE_ABOVE_0                    DBL_TRUE_MIN
+#define USAGE_ANY                        DBL_MAX
 #define USAGE_KEPT(what, type, field, c) /* nothing else compiles than what it is */     \
     .kind = USAGE_IS_##what,                                                             \
     .at = offsetof(type, field) + _Generic(((type *)0)->field, c : 0)
@@ -88,7 +99,7 @@ struct usage {
     bool begun;
 };
 
-/* The code of the next option that is not kept, with optarg; 0: no more, optind stands at
+/* The code of the next option that has one, with optarg; 0: no more, optind stands at
  * what follows.  Prints the help and what is wrong with an option itself, such as a value
  * that is none of its names: then it is ~exit code, below 0. */
 int usage_next(struct usage *u, int argc, char **argv);
@@ -98,9 +109,6 @@ const char *usage_nearest(const char *word, const char *const *names);
 
 /* A whole number from min to max.  0, -EINVAL. */
 int usage_count(const char *text, size_t min, size_t max, size_t *out);
-
-/* A number above 0.  0, -EINVAL. */
-int usage_positive(const char *text, double *out);
 
 /* n finite numbers with commas between.  0, -EINVAL. */
 int usage_numbers(const char *text, size_t n, double *out);

@@ -232,7 +232,7 @@ static const struct usage_option options[] = {
     {"seeds", USAGE_COUNT(struct detection_options, seeds, 1, MAX_SEEDS)},
     {"threads", USAGE_COUNT(struct detection_options, threads, 1, MAX_THREADS)},
     {"firing", USAGE_VALUE('f')},
-    {"out", USAGE_VALUE('o')},
+    {"out", USAGE_TEXT(struct detection_options, out), .expected = "a folder"},
     {"quick", USAGE_FLAG(struct detection_options, quick)},
     {.name = NULL},
 };
@@ -254,15 +254,6 @@ static int take_firing(struct detection_options *o, const char *text)
     return err ? usage_error("bench detection", "--firing: %s", why.text) : 0;
 }
 
-/* 0, or an exit code. */
-static int take_option(struct detection_options *o, int code)
-{
-    if (code == 'f')
-        return take_firing(o, optarg);
-    o->out = optarg;
-    return *optarg ? 0 : usage_error("bench detection", "--out: expected a folder");
-}
-
 int main(int argc, char **argv)
 {
     struct detection_options o = {.out = "out/bench", .threads = usage_default_threads()};
@@ -272,7 +263,7 @@ int main(int argc, char **argv)
     int code;
 
     while ((code = usage_next(&usage, argc, argv)) > 0)
-        if ((code = take_option(&o, code)) != 0)
+        if ((code = take_firing(&o, optarg)) != 0)
             return code;
     if (code)
         return ~code;

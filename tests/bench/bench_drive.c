@@ -348,26 +348,15 @@ static const struct usage_option options[] = {
     {"scenes", USAGE_TEXT(struct drive_options, scenes)},
     {"launch", USAGE_TEXT(struct drive_options, launch)},
     {"seeds", USAGE_COUNT(struct drive_options, seeds, 1, MAX_DRIVES)},
-    {"hours", USAGE_VALUE('H')},
+    {"hours", USAGE_NUMBER(struct drive_options, hours, USAGE_ABOVE_0, USAGE_ANY),
+     .expected = "hours above 0"},
     {"rounds", USAGE_COUNT(struct drive_options, rounds, 1, MAX_DRIVES)},
     {"jobs", USAGE_COUNT(struct drive_options, jobs, 1, MAX_THREADS)},
     {"threads", USAGE_COUNT(struct drive_options, threads, 1, MAX_THREADS)},
-    {"out", USAGE_VALUE('o')},
+    {"out", USAGE_TEXT(struct drive_options, out), .expected = "a folder"},
     {"quick", USAGE_FLAG(struct drive_options, quick)},
     {.name = NULL},
 };
-
-/* 0, or an exit code. */
-static int take_option(struct drive_options *o, int code)
-{
-    if (code == 'H')
-        return usage_positive(optarg, &o->hours)
-                   ? usage_error("bench drive", "--hours %s: expected hours above 0",
-                                 optarg)
-                   : 0;
-    o->out = optarg;
-    return *optarg ? 0 : usage_error("bench drive", "--out: expected a folder");
-}
 
 int main(int argc, char **argv)
 {
@@ -376,11 +365,8 @@ int main(int argc, char **argv)
     struct usage usage = {
         .command = "bench drive", .help = help, .options = options, .into = &o};
     struct error why = {""};
-    int code;
+    int code = usage_next(&usage, argc, argv);
 
-    while ((code = usage_next(&usage, argc, argv)) > 0)
-        if ((code = take_option(&o, code)) != 0)
-            return code;
     if (code)
         return ~code;
     if (optind < argc)

@@ -603,7 +603,8 @@ static const struct usage_option options[] = {
     {"format", USAGE_NAME('f', format_name)},
     {"out", USAGE_TEXT(struct export_options, out), .letter = 'o'},
     {"topic", USAGE_VALUE('t')},
-    {"scan", USAGE_VALUE('s')},
+    {"scan", USAGE_COUNT(struct export_options, scan, 1, UINT32_MAX),
+     .expected = "a whole number above 0"},
     {"full", USAGE_FLAG(struct export_options, full)},
     {"scenes", USAGE_TEXT(struct export_options, scene)},
     {.name = NULL},
@@ -651,18 +652,10 @@ static int run(const struct format *f, const struct export_options *o)
 
 static int take_option(struct export_options *o, const struct format **f, int code)
 {
-    switch (code) {
-    case 'f':
-        *f = &formats[choice_index(format_name, optarg)];
-        return 0;
-    case 't':
+    if (code == 't')
         return verb_add_patterns("bag export", optarg, o->topics_room, &o->topics);
-    default:
-        if (!usage_count(optarg, 1, UINT32_MAX, &o->scan))
-            return 0;
-        return usage_error("bag export", "--scan %s: expected a whole number above 0",
-                           optarg);
-    }
+    *f = &formats[choice_index(format_name, optarg)];
+    return 0;
 }
 
 static int check(const struct export_options *o, const struct format *f)

@@ -220,11 +220,15 @@ struct request {
     char remap_room[VERB_PATTERNS];
 };
 
+#define SECONDS(field)                                                                   \
+    USAGE_NUMBER(struct request, play.bag_iterator.field, 0, USAGE_ANY),                 \
+        .expected = "seconds, 0 or more"
+
 static const struct usage_option options[] = {
     {"rate", USAGE_VALUE('a')},
     {"loop", USAGE_FLAG(struct request, play.loop)},
-    {"start", USAGE_VALUE('s')},
-    {"end", USAGE_VALUE('e')},
+    {"start", SECONDS(start_s)},
+    {"end", SECONDS(end_s)},
     {"topics", USAGE_VALUE('t')},
     {"exclude", USAGE_VALUE('x')},
     {"remap", USAGE_VALUE('m')},
@@ -232,13 +236,6 @@ static const struct usage_option options[] = {
     {"run-dir", USAGE_TEXT(struct request, arguments.run_dir)},
     {.name = NULL},
 };
-
-static int take_seconds(const char *name, double *out)
-{
-    if (!usage_numbers(optarg, 1, out) && *out >= 0.0)
-        return 0;
-    return usage_error("bag play", "--%s %s: expected seconds, 0 or more", name, optarg);
-}
 
 static int take_option(struct request *r, int code)
 {
@@ -248,10 +245,6 @@ static int take_option(struct request *r, int code)
             return 0;
         return usage_error("bag play", "--rate %s: expected max, or 0.001 to 1000000",
                            optarg);
-    case 's':
-        return take_seconds("start", &r->play.bag_iterator.start_s);
-    case 'e':
-        return take_seconds("end", &r->play.bag_iterator.end_s);
     case 't':
         return verb_add_patterns("bag play", optarg, r->topics_room, &r->play.topics);
     case 'x':

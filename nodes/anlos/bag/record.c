@@ -494,16 +494,22 @@ static const char help[] =
     "failed,\n"
     "or messages got lost; 2 bad arguments or files\n";
 
+/* What still fits the integers that it becomes. */
+#define UP_TO_1E9(field)                                                                 \
+    USAGE_NUMBER(struct record_options, field, USAGE_ABOVE_0, 1e9),                      \
+        .expected = "a number above 0 and up to 1e+09"
+
 static const struct usage_option options[] = {
     {"out", USAGE_TEXT(struct record_options, out), .letter = 'o'},
     {"exclude", USAGE_VALUE('x')},
-    {"duration-s", USAGE_VALUE('d')},
-    {"split-mb", USAGE_VALUE('m')},
-    {"split-s", USAGE_VALUE('s')},
-    {"quota-mb", USAGE_VALUE('q')},
+    {"duration-s", UP_TO_1E9(duration_s)},
+    {"split-mb", UP_TO_1E9(split_mb)},
+    {"split-s", UP_TO_1E9(split_s)},
+    {"quota-mb", UP_TO_1E9(quota_mb)},
     {"compression", USAGE_NAME('c', verb_compression_name)},
     {"shuffle", USAGE_FLAG(struct record_options, shuffle)},
-    {"flush-ms", USAGE_VALUE('f')},
+    {"flush-ms", USAGE_NUMBER(struct record_options, flush_ms, USAGE_ABOVE_0, 3600e3),
+     .expected = "a number above 0 and up to 3.6e+06"},
     {"snapshot", USAGE_TEXT(struct record_options, snapshot)},
     {"before-s", USAGE_COUNT(struct record_options, before_s, 1, SNAPSHOT_MOST_S)},
     {"after-s", USAGE_COUNT(struct record_options, after_s, 0, SNAPSHOT_MOST_S)},
@@ -515,34 +521,12 @@ static const struct usage_option options[] = {
     {.name = NULL},
 };
 
-/* max: what still fits the integers that it becomes. */
-static int take_number(const char *name, double max, double *out)
-{
-    if (!usage_positive(optarg, out) && *out <= max)
-        return 0;
-    return usage_error("bag record", "--%s %s: expected a number above 0 and up to %g",
-                       name, optarg, max);
-}
-
 static int take_option(struct record_options *o, int code)
 {
-    switch (code) {
-    case 'x':
+    if (code == 'x')
         return verb_add_patterns("bag record", optarg, o->exclude_room, &o->exclude);
-    case 'd':
-        return take_number("duration-s", 1e9, &o->duration_s);
-    case 'm':
-        return take_number("split-mb", 1e9, &o->split_mb);
-    case 's':
-        return take_number("split-s", 1e9, &o->split_s);
-    case 'q':
-        return take_number("quota-mb", 1e9, &o->quota_mb);
-    case 'c':
-        o->compression = verb_compression(optarg);
-        return 0;
-    default:
-        return take_number("flush-ms", 3600e3, &o->flush_ms);
-    }
+    o->compression = verb_compression(optarg);
+    return 0;
 }
 
 /* Words with commas between.  NULL: no memory. */

@@ -287,20 +287,15 @@ static const struct usage_option filter_options[] = {
     {"out", USAGE_TEXT(struct selection, out), .letter = 'o'},
     {"topics", USAGE_VALUE('t')},
     {"exclude", USAGE_VALUE('x')},
-    {"start", USAGE_VALUE('s')},
-    {"end", USAGE_VALUE('e')},
+    {"start", USAGE_NUMBER(struct selection, start_s, 0, USAGE_ANY),
+     .expected = "seconds, 0 or more"},
+    {"end", USAGE_NUMBER(struct selection, end_s, 0, USAGE_ANY),
+     .expected = "seconds, 0 or more"},
     {"compression", USAGE_NAME('c', verb_compression_name)},
     {"shuffle", USAGE_SWITCH('u')},
     {"plain", USAGE_SWITCH('p')},
     {.name = NULL},
 };
-
-static int take_seconds(const char *command, const char *name, double *out)
-{
-    if (!usage_numbers(optarg, 1, out) && *out >= 0.0)
-        return 0;
-    return usage_error(command, "--%s %s: expected seconds, 0 or more", name, optarg);
-}
 
 /* 0, or an exit code. */
 static int take_option(const char *command, struct selection *s, int code)
@@ -310,10 +305,6 @@ static int take_option(const char *command, struct selection *s, int code)
         return verb_add_patterns(command, optarg, s->topics_room, &s->topics);
     case 'x':
         return verb_add_patterns(command, optarg, s->exclude_room, &s->exclude);
-    case 's':
-        return take_seconds(command, "start", &s->start_s);
-    case 'e':
-        return take_seconds(command, "end", &s->end_s);
     case 'c':
         s->compression = verb_compression(optarg);
         return 0;

@@ -40,8 +40,7 @@ const char *state_print(unsigned faults, char out[STATE_SIZE])
 /* -- the command line, and the file that the subcommands renew --------------------------
  */
 
-#define COMMAND   "calibrate"
-#define MAX_TAKES 1000
+#define COMMAND "calibrate"
 
 static const char help[] =
     "anlos calibrate -- measure an array, and write it down for every process\n"
@@ -99,42 +98,24 @@ static const char help[] =
     "exit codes: 0 measured and good; 1 measured and bad, or failed; 2 bad arguments or\n"
     "files; 130 stopped by Ctrl-C\n";
 
-enum { TEMPERATURE = 256, HUMIDITY, RANGE, DISTANCE, PAIR, TAKES, POSITION, PLACED };
-
 static const struct usage_option options[] = {
     {"array", USAGE_VALUE('a')},
     {"out", USAGE_TEXT(struct calibrate_options, out)},
     {"stage", USAGE_TEXT(struct calibrate_options, stage)},
     {"folder", USAGE_TEXT(struct calibrate_options, folder)},
-    {"takes", USAGE_VALUE(TAKES)},
-    {"position", USAGE_VALUE(POSITION)},
-    {"temperature-c", USAGE_VALUE(TEMPERATURE)},
-    {"humidity", USAGE_VALUE(HUMIDITY)},
-    {"range-m", USAGE_VALUE(RANGE)},
-    {"distance-m", USAGE_VALUE(DISTANCE)},
-    {"pair", USAGE_VALUE(PAIR)},
-    {"placed-mm", USAGE_VALUE(PLACED)},
+    {"takes", USAGE_COUNT(struct calibrate_options, takes, 1, 1000),
+     .expected = "a whole number from 1 to 1000"},
+    {"position", USAGE_COUNT(struct calibrate_options, position, 0, 1000000),
+     .expected = "a whole number from 0 to 1000000"},
+    {"temperature-c", USAGE_NUMBER(struct calibrate_options, temperature_c, -40, 60)},
+    {"humidity", USAGE_NUMBER(struct calibrate_options, humidity_percent, 0, 100)},
+    {"range-m", USAGE_NUMBER(struct calibrate_options, range_m, 0.05, 100)},
+    {"distance-m", USAGE_NUMBER(struct calibrate_options, distance_m, 0.001, 100)},
+    {"pair", USAGE_VALUE('p')},
+    {"placed-mm", USAGE_NUMBER(struct calibrate_options, placed_mm, 0.1, 50)},
     {"fit-speed", USAGE_FLAG(struct calibrate_options, fit_speed)},
     {.name = NULL},
 };
-
-static int take_number(const char *name, const char *text, double min, double max,
-                       double *out)
-{
-    if (!usage_numbers(text, 1, out) && *out >= min && *out <= max)
-        return 0;
-    return usage_error(COMMAND, "--%s %s: expected a number from %g to %g", name, text,
-                       min, max);
-}
-
-static int take_count(const char *name, const char *text, size_t min, size_t max,
-                      size_t *out)
-{
-    if (!usage_count(text, min, max, out))
-        return 0;
-    return usage_error(COMMAND, "--%s %s: expected a whole number from %zu to %zu", name,
-                       text, min, max);
-}
 
 static int take_pair(struct calibrate_options *o, const char *text)
 {
@@ -162,30 +143,6 @@ static int take_array(struct calibrate_options *o, const char *text)
         return usage_error(COMMAND, "--array %s: at most %d of them", text,
                            CALIBRATE_MAX_ARRAYS);
     return 0;
-}
-
-static int take_option(struct calibrate_options *o, int code, const char *text)
-{
-    switch (code) {
-    case 'a':
-        return take_array(o, text);
-    case TAKES:
-        return take_count("takes", text, 1, MAX_TAKES, &o->takes);
-    case POSITION:
-        return take_count("position", text, 0, 1000000, &o->position);
-    case TEMPERATURE:
-        return take_number("temperature-c", text, -40, 60, &o->temperature_c);
-    case HUMIDITY:
-        return take_number("humidity", text, 0, 100, &o->humidity_percent);
-    case RANGE:
-        return take_number("range-m", text, 0.05, 100, &o->range_m);
-    case PLACED:
-        return take_number("placed-mm", text, 0.1, 50, &o->placed_mm);
-    case DISTANCE:
-        return take_number("distance-m", text, 0.001, 100, &o->distance_m);
-    default:
-        return take_pair(o, text);
-    }
 }
 
 static const char *const words[] = {"time-zero", "channels",   "gains", "sound-speed",
@@ -261,7 +218,9 @@ static bool calibrate_options_parse(struct calibrate_options *o, int argc, char 
                                     .humidity_percent = NAN};
     *exit_code = 0;
     while (!*exit_code && (code = usage_next(&usage, argc, argv)) > 0)
-        *exit_code = code == 1 ? take_word(o, optarg) : take_option(o, code, optarg);
+        *exit_code = code == 1     ? take_word(o, optarg)
+                     : code == 'a' ? take_array(o, optarg)
+                                   : take_pair(o, optarg);
     if (code < 0) {
         *exit_code = ~code;
         return false;

@@ -300,7 +300,7 @@ static int decode_interface(struct decode *d, const char *interface, struct erro
 
 #define FIRST_BASE   0x100 /* as can.base_id of a launch file */
 #define LAST_BASE    (0x7ff - CAN_SENSOR_STEP + 1)
-#define MOST_SENSORS (0x800 / CAN_SENSOR_STEP)
+#define MOST_SENSORS (0x800 / CAN_SENSOR_STEP) /* 128 */
 
 enum { MAX_IDS = 32 };
 
@@ -356,10 +356,12 @@ struct can_options {
 
 static const struct usage_option options[] = {
     {"base", USAGE_VALUE('b')},
-    {"sensor", USAGE_VALUE('s')},
+    {"sensor", USAGE_COUNT(struct can_options, sensor, 0, MOST_SENSORS),
+     .expected = "a whole number up to 128"},
     {"id", USAGE_VALUE('i')},
     {"interface", USAGE_TEXT(struct can_options, interface)},
-    {"seconds", USAGE_VALUE('t')},
+    {"seconds", USAGE_NUMBER(struct can_options, seconds, USAGE_ABOVE_0, USAGE_ANY),
+     .expected = "a number above 0"},
     {"json", USAGE_FLAG(struct can_options, json)},
     {.name = NULL},
 };
@@ -388,28 +390,15 @@ static bool read_base(const char *text, unsigned *out)
 
 static int take_option(struct can_options *o, int code)
 {
-    switch (code) {
-    case 'b':
-        if (read_base(optarg, &o->base))
-            return 0;
+    if (code == 'b' && !read_base(optarg, &o->base))
         return usage_error("can", "--base %s: expected a hexadecimal number, %x to %x",
                            optarg, FIRST_BASE, LAST_BASE);
-    case 's':
-        if (!usage_count(optarg, 0, MOST_SENSORS, &o->sensor))
-            return 0;
-        return usage_error("can", "--sensor %s: expected a whole number up to %d", optarg,
-                           MOST_SENSORS);
-    case 'i':
-        if (o->n_ids < MAX_IDS) {
-            o->ids[o->n_ids++] = optarg;
-            return 0;
-        }
+    if (code == 'b')
+        return 0;
+    if (o->n_ids == MAX_IDS)
         return usage_error("can", "--id %s: no more than %d", optarg, MAX_IDS);
-    default:
-        if (!usage_positive(optarg, &o->seconds))
-            return 0;
-        return usage_error("can", "--seconds %s: expected a number above 0", optarg);
-    }
+    o->ids[o->n_ids++] = optarg;
+    return 0;
 }
 
 /* Returns 0 or an exit code. */

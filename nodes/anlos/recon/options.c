@@ -278,7 +278,6 @@ static int recon_options_check_all(struct recon_options *o)
 }
 
 #define FARTHEST_M 1000.0
-#define MOST_GOAL  1e7
 
 const char *recon_sound_method_name(size_t i)
 {
@@ -316,6 +315,11 @@ const char *recon_compression_name(size_t i)
     return compression_name((enum compression)i);
 }
 
+/* What auto may spend. */
+#define GOAL(field)                                                                      \
+    USAGE_NUMBER(struct recon_options, field, USAGE_ABOVE_0, 1e7),                       \
+        .expected = "a number above 0, up to 10000000"
+
 static const struct usage_option options[] = {
     {"survey", USAGE_TEXT(struct recon_options, survey)},
     {"wav", USAGE_TEXT(struct recon_options, wav)},
@@ -332,8 +336,8 @@ static const struct usage_option options[] = {
     {"method", USAGE_NAME(RECON_OPTION_METHOD, recon_method_name)},
     {"set", USAGE_VALUE(RECON_OPTION_SET)},
     {"psf", USAGE_TEXT(struct recon_options, psf)},
-    {"budget-ms", USAGE_VALUE(RECON_OPTION_BUDGET)},
-    {"error-cm", USAGE_VALUE(RECON_OPTION_ERROR)},
+    {"budget-ms", GOAL(budget_s), .unit = 1e-3},
+    {"error-cm", GOAL(error_m), .unit = 1e-2},
     {"out", USAGE_TEXT(struct recon_options, out)},
     {"threads", USAGE_COUNT(struct recon_options, threads, 1, RECON_MAX_THREADS)},
     {"window", USAGE_NAME(RECON_OPTION_WINDOW, recon_window_name)},
@@ -400,18 +404,6 @@ static int take_setting(struct recon_options *o, const char *command)
     return usage_error(command, "--set %s", why);
 }
 
-/* What auto may spend: a time in ms, an error in cm. */
-static int take_goal(struct recon_options *o, const char *command, int code)
-{
-    bool time = code == RECON_OPTION_BUDGET;
-    double value, unit = time ? 1e-3 : 1e-2;
-    if (usage_numbers(optarg, 1, &value) || !(value > 0.0) || !(value <= MOST_GOAL))
-        return usage_error(command, "--%s %s: expected a number above 0, up to %.0f",
-                           time ? "budget-ms" : "error-cm", optarg, MOST_GOAL);
-    *(time ? &o->budget_s : &o->error_m) = unit * value;
-    return 0;
-}
-
 int recon_options_take(struct recon_options *o, const char *command, int code)
 {
     switch (code) {
@@ -423,9 +415,6 @@ int recon_options_take(struct recon_options *o, const char *command, int code)
         return take_band(o, command);
     case RECON_OPTION_SET:
         return take_setting(o, command);
-    case RECON_OPTION_BUDGET:
-    case RECON_OPTION_ERROR:
-        return take_goal(o, command, code);
     case RECON_OPTION_METHOD:
         o->method = optarg;
         return 0;

@@ -42,8 +42,6 @@ enum recon_option { /* codes of what is more than kept */
                     RECON_OPTION_BAND,
                     RECON_OPTION_METHOD,
                     RECON_OPTION_SET,
-                    RECON_OPTION_BUDGET,
-                    RECON_OPTION_ERROR,
                     RECON_OPTION_WINDOW,
                     RECON_OPTION_COMPRESSION,
                     RECON_OPTION_OTHER, /* from here on a command's own */

@@ -372,25 +372,14 @@ static const struct usage_option options[] = {
      .names = recon_sound_method_name, .list = true},
     {"recordings", USAGE_TEXT(struct speed_options, recordings)},
     {"calibration", USAGE_TEXT(struct speed_options, calibration)},
-    {"out", USAGE_VALUE('o')},
-    {"limit-s", USAGE_VALUE('l')},
+    {"out", USAGE_TEXT(struct speed_options, out), .expected = "a folder"},
+    {"limit-s", USAGE_NUMBER(struct speed_options, limit_s, USAGE_ABOVE_0, USAGE_ANY),
+     .expected = "seconds above 0"},
     {"threads", USAGE_COUNT(struct speed_options, threads, 1, MAX_THREADS)},
     {"seeds", USAGE_COUNT(struct speed_options, seeds, 0, MAX_SEEDS)},
     {"quick", USAGE_FLAG(struct speed_options, quick)},
     {.name = NULL},
 };
-
-/* 0, or an exit code. */
-static int take_option(struct speed_options *o, int code)
-{
-    if (code == 'l')
-        return usage_positive(optarg, &o->limit_s)
-                   ? usage_error("speed-error", "--limit-s %s: expected seconds above 0",
-                                 optarg)
-                   : 0;
-    o->out = optarg;
-    return *optarg ? 0 : usage_error("speed-error", "--out: expected a folder");
-}
 
 int command_speed_error(int argc, char **argv)
 {
@@ -401,11 +390,8 @@ int command_speed_error(int argc, char **argv)
     struct usage usage = {
         .command = "speed-error", .help = help, .options = options, .into = &o};
     struct error why = {""};
-    int code;
+    int code = usage_next(&usage, argc, argv);
 
-    while ((code = usage_next(&usage, argc, argv)) > 0)
-        if ((code = take_option(&o, code)) != 0)
-            return code;
     if (code)
         return ~code;
     if (optind < argc)

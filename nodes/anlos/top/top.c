@@ -22,10 +22,9 @@
 #include "nodes/rt/stop.h"
 #include "nodes/rt/terminal.h"
 
-#define LOOK_UP_MS       100          /* between looks at Ctrl-C and the clock */
-#define FIRST_TABLE_NS   3500000000LL /* rates need two health messages of each node */
-#define LEAST_INTERVAL_S 0.1
-#define ESCAPE_MS        25 /* what follows an escape within it is a key */
+#define LOOK_UP_MS     100          /* between looks at Ctrl-C and the clock */
+#define FIRST_TABLE_NS 3500000000LL /* rates need two health messages of each node */
+#define ESCAPE_MS      25           /* what follows an escape within it is a key */
 
 static const char help[] =
     "anlos top -- watch the nodes and topics of a running system\n"
@@ -72,31 +71,14 @@ struct top {
 
 static const struct usage_option options[] = {
     {"once", USAGE_SWITCH('o')},
-    {"batch", USAGE_VALUE('b')},
-    {"interval", USAGE_VALUE('i')},
+    {"batch", USAGE_COUNT(struct top, tables, 1, SIZE_MAX),
+     .expected = "a whole number above 0"},
+    {"interval", USAGE_NUMBER(struct top, interval_s, 0.1, 86400),
+     .expected = "0.1 to 86400 seconds"},
     {"wait", USAGE_FLAG(struct top, wait)},
     {"run-dir", USAGE_TEXT(struct top, asked_dir)},
     {.name = NULL},
 };
-
-static int take_option(struct top *o, int code)
-{
-    switch (code) {
-    case 'o':
-        o->tables = 1;
-        return 0;
-    case 'b':
-        if (!usage_count(optarg, 1, SIZE_MAX, &o->tables))
-            return 0;
-        return usage_error("top", "--batch %s: expected a whole number above 0", optarg);
-    default:
-        if (!usage_positive(optarg, &o->interval_s) &&
-            o->interval_s >= LEAST_INTERVAL_S && o->interval_s <= 86400)
-            return 0;
-        return usage_error("top", "--interval %s: expected %g to 86400 seconds", optarg,
-                           LEAST_INTERVAL_S);
-    }
-}
 
 /* Waits for messages, for keys if fd is their source, until a time.  Returns an exit code
  * that ends the program, or 0; *keys: there may be some. */
@@ -327,8 +309,7 @@ int command_top(int argc, char **argv)
     }
     o->interval_s = 1.0;
     while ((code = usage_next(&usage, argc, argv)) > 0)
-        if ((code = ~take_option(o, code)) != ~0)
-            break;
+        o->tables = 1;
     if (code)
         code = ~code;
     else if (optind < argc)

@@ -180,8 +180,6 @@ static int topic_watch_tally(struct bus *bus, const struct topic *const *topics,
  */
 
 #define DEFAULT_SECONDS 5.0
-#define MOST_SECONDS    1e9 /* in ns, and added to the time of day, it has to be int64 */
-#define MOST_HZ         1e6
 
 static const char help[] =
     "anlos topic -- look at the messages of a running system, and add to them\n"
@@ -252,24 +250,6 @@ static const char help[] =
     "exit codes: 0 done; 1 nothing is running, nothing came in time, or failed; 2 bad\n"
     "arguments or message, or not permitted; 130 stopped by Ctrl-C\n";
 
-static const struct usage_option options[] = {
-    {"json", USAGE_SWITCH('j')},
-    {"mcap", USAGE_SWITCH('m')},
-    {"count", USAGE_VALUE('c')},
-    {"timeout", USAGE_VALUE('t')},
-    {"field", USAGE_VALUE('p')},
-    {"full", USAGE_SWITCH('f')},
-    {"rate", USAGE_VALUE('a')},
-    {"once", USAGE_SWITCH('o')},
-    {"print", USAGE_SWITCH('i')},
-    {"from", USAGE_VALUE('n')},
-    {"force", USAGE_SWITCH('F')},
-    {"seconds", USAGE_VALUE('s')},
-    {"wait", USAGE_SWITCH('w')},
-    {"run-dir", USAGE_VALUE('r')},
-    {.name = NULL},
-};
-
 struct topic_options {
     const char *run_dir; /* NULL: the default */
     size_t count;
@@ -278,6 +258,33 @@ struct topic_options {
     struct echo_options echo;
     struct pub_options pub;
     char given[16]; /* the letters of the options that were, each once */
+};
+
+/* In ns, and added to the time of day, they have to be int64. */
+#define SECONDS(field)                                                                   \
+    USAGE_NUMBER(struct topic_options, field, USAGE_ABOVE_0, 1e9),                       \
+        .expected = "a number above 0, up to 1e+09"
+#define FLAG(field) USAGE_FLAG(struct topic_options, field)
+#define TEXT(field) USAGE_TEXT(struct topic_options, field)
+
+static const struct usage_option options[] = {
+    {"json", FLAG(json), .code = 'j'},
+    {"mcap", FLAG(echo.mcap), .code = 'm'},
+    {"count", USAGE_COUNT(struct topic_options, count, 1, SIZE_MAX), .code = 'c',
+     .expected = "a whole number above 0"},
+    {"timeout", SECONDS(echo.timeout_s), .code = 't'},
+    {"field", TEXT(echo.field), .code = 'p'},
+    {"full", FLAG(echo.full), .code = 'f'},
+    {"rate", USAGE_NUMBER(struct topic_options, pub.rate_hz, USAGE_ABOVE_0, 1e6),
+     .code = 'a', .expected = "a number above 0, up to 1e+06"},
+    {"once", USAGE_SWITCH('o')},
+    {"print", FLAG(pub.print), .code = 'i'},
+    {"from", TEXT(pub.from), .code = 'n'},
+    {"force", FLAG(pub.force), .code = 'F'},
+    {"seconds", SECONDS(seconds), .code = 's'},
+    {"wait", FLAG(wait), .code = 'w'},
+    {"run-dir", TEXT(run_dir), .code = 'r'},
+    {.name = NULL},
 };
 
 static const struct watched {
@@ -323,51 +330,14 @@ static int list_topics(bool json)
     return usage_flush("topic");
 }
 
-static int take_number(const char *option, double most, double *out)
-{
-    if (!usage_positive(optarg, out) && *out <= most)
-        return 0;
-    return usage_error("topic", "--%s %s: expected a number above 0, up to %g", option,
-                       optarg, most);
-}
-
-static int take_option(struct topic_options *o, int code)
+/* Which options were given. */
+static void note_option(struct topic_options *o, int code)
 {
     size_t n = strlen(o->given);
 
     if (n + 1 < sizeof o->given && !strchr(o->given, code))
         o->given[n] = (char)code;
-    switch (code) {
-    case 'c':
-        if (!usage_count(optarg, 1, SIZE_MAX, &o->count))
-            return 0;
-        return usage_error("topic", "--count %s: expected a whole number above 0",
-                           optarg);
-    case 's':
-        return take_number("seconds", MOST_SECONDS, &o->seconds);
-    case 't':
-        return take_number("timeout", MOST_SECONDS, &o->echo.timeout_s);
-    case 'a':
-        return take_number("rate", MOST_HZ, &o->pub.rate_hz);
-    case 'r':
-        o->run_dir = optarg;
-        return 0;
-    case 'p':
-        o->echo.field = optarg;
-        return 0;
-    case 'n':
-        o->pub.from = optarg;
-        return 0;
-    default:
-        o->echo.full |= code == 'f';
-        o->echo.mcap |= code == 'm';
-        o->json |= code == 'j';
-        o->wait |= code == 'w';
-        o->pub.force |= code == 'F';
-        o->pub.print |= code == 'i';
-        o->count = code == 'o' ? 1 : o->count;
-        return 0;
-    }
+    o->count = code == 'o' ? 1 : o->count;
 }
 
 /* An option that would not be heeded.  Returns 0 or an exit code. */
@@ -533,12 +503,12 @@ static int run_words(const struct watched *v, char **words, size_t n,
 int command_topic(int argc, char **argv)
 {
     struct topic_options o = {0};
-    struct usage usage = {.command = "topic", .help = help, .options = options};
+    struct usage usage = {
+        .command = "topic", .help = help, .options = options, .into = &o};
     int code;
 
     while ((code = usage_next(&usage, argc, argv)) > 0)
-        if ((code = take_option(&o, code)) != 0)
-            return code;
+        note_option(&o, code);
     if (code)
         return ~code;
     const char *verb = optind < argc ? argv[optind] : "";
