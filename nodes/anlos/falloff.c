@@ -399,10 +399,7 @@ static int write_results(const struct falloff *f, struct error *why)
     err = write_csv(f, stage.path, why);
     if (!err)
         err = draw(f, stage.path, why);
-    if (!err)
-        err = export_stage_commit(&stage, why);
-    if (err)
-        export_stage_abandon(&stage, why);
+    err = export_stage_end(&stage, err, why);
     if (!err)
         printf("%s: falloff.csv, falloff.svg, falloff.png\n", f->out);
     return err;

@@ -474,10 +474,7 @@ static int write_into(const char *out, const struct scan_plan *p,
         err = draw(stage.path, false, p, why);
     if (!err)
         err = draw(stage.path, true, p, why);
-    if (!err)
-        return export_stage_commit(&stage, why);
-    export_stage_abandon(&stage, why);
-    return err;
+    return export_stage_end(&stage, err, why);
 }
 
 static int run(struct request *q)

@@ -167,11 +167,7 @@ static int draw_into(const char *out, const struct subject *x, struct error *why
     int err = export_stage_begin(&stage, out, why);
     if (err)
         return err;
-    err = draw(stage.path, x, why);
-    if (!err)
-        return export_stage_commit(&stage, why);
-    export_stage_abandon(&stage, why);
-    return err;
+    return export_stage_end(&stage, draw(stage.path, x, why), why);
 }
 
 int command_resolution(int argc, char **argv)

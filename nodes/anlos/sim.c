@@ -290,10 +290,7 @@ static int sim_job_run(const struct sim_options *options, bool *bad_input,
         err = record_all(job, why);
         if (!err)
             err = write_texts(job, why);
-        if (!err)
-            err = export_stage_commit(&job->stage, why);
-        if (err)
-            export_stage_abandon(&job->stage, why);
+        err = export_stage_end(&job->stage, err, why);
     }
     clear_workers(job);
     pthread_mutex_destroy(&job->lock);

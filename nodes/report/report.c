@@ -463,17 +463,13 @@ int report_write(const struct report *r, const char *folder, struct error *why)
     if (err)
         return err;
     err = write_report(r, stage.path, why);
-    if (err) {
-        export_stage_abandon(&stage, why);
-        return err;
-    }
+    if (err)
+        return export_stage_end(&stage, err, why);
     int missing = write_files(r, stage.path, failed, sizeof failed);
     remove_older(folder, stage.path);
-    err = export_stage_commit(&stage, why);
-    if (err) {
-        export_stage_abandon(&stage, why);
+    err = export_stage_end(&stage, 0, why);
+    if (err)
         return err;
-    }
     return missing ? error_say(why, missing, "%s: cannot be written: %s: %s", folder,
                                failed, strerror(-missing))
                    : 0;

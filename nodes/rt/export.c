@@ -294,20 +294,6 @@ static int move_all(const struct export_stage *stage)
     return err;
 }
 
-int export_stage_commit(struct export_stage *stage, struct error *why)
-{
-    int err = move_all(stage);
-    if (!err && rmdir(stage->path))
-        err = -errno;
-    if (!err) {
-        unlock_folder(stage->lock);
-        stage->lock = -1;
-    }
-    if (err)
-        error_say(why, err, "%s: cannot be written: %s", stage->folder, strerror(-err));
-    return err;
-}
-
 /* What is said is read when the stage has gone, by somebody who never named it. */
 static void name_folder(const struct export_stage *stage, struct error *why)
 {
@@ -319,15 +305,27 @@ static void name_folder(const struct export_stage *stage, struct error *why)
     }
 }
 
-void export_stage_abandon(struct export_stage *stage, struct error *why)
+int export_stage_end(struct export_stage *stage, int err, struct error *why)
 {
-    if (why)
-        name_folder(stage, why);
-    each_entry(stage->path, remove_entry, NULL);
-    rmdir(stage->path);
+    if (!err) {
+        err = move_all(stage);
+        if (!err && rmdir(stage->path))
+            err = -errno;
+        if (err)
+            error_say(why, err, "%s: cannot be written: %s", stage->folder,
+                      strerror(-err));
+    }
+    if (err) {
+        if (why)
+            name_folder(stage, why);
+        each_entry(stage->path, remove_entry, NULL);
+        rmdir(stage->path);
+    }
     unlock_folder(stage->lock);
     stage->lock = -1;
-    remove_folders(stage->folder, stage->existing);
+    if (err)
+        remove_folders(stage->folder, stage->existing);
+    return err;
 }
 
 /* -- NRRD ---------------------------------------------------------------------------- */

@@ -39,11 +39,11 @@ int export_folder(const char *folder, struct error *why);
 int export_vacant(const char *folder, const char *const *names, size_t n,
                   struct error *why);
 
-/* A set of files that appears together: write them into stage->path, then commit moves
- * each into the folder (replacing files of the same name), or abandon removes them, and
- * the folder too if begin made it; why, which may be NULL or empty, is what went wrong,
- * and names the folder then where it named path.  What a process that was killed has left
- * there, the next begin removes. */
+/* A set of files that appears together: write them into stage->path, then end moves each
+ * into the folder (replacing files of the same name).  After an error, and when that
+ * fails, it removes them, and the folder too if begin made it; why, which may be NULL or
+ * empty, is what went wrong, and names the folder then where it named path.  It returns
+ * the error.  What a process that was killed has left there, the next begin removes. */
 struct export_stage {
     char folder[PATH_MAX - 64];
     char path[PATH_MAX];
@@ -51,8 +51,7 @@ struct export_stage {
     int lock;        /* on path, for as long as its process lives; -1: no locks here */
 };
 int export_stage_begin(struct export_stage *stage, const char *folder, struct error *why);
-int export_stage_commit(struct export_stage *stage, struct error *why);
-void export_stage_abandon(struct export_stage *stage, struct error *why);
+int export_stage_end(struct export_stage *stage, int err, struct error *why);
 
 /* NRRD 5, float32 little endian raw, x fastest, space directions and origin in m. */
 int export_nrrd(const char *folder, const char *name, const struct grid *grid,

@@ -499,7 +499,7 @@ static void a_stage_shows_its_files_at_commit_and_replaces_older_ones(void **sta
     char *text = read_all(f->folder, "x.json", &size);
     assert_non_null(strstr(text, "old"));
     free(text);
-    assert_int_equal(export_stage_commit(&stage, &why), 0);
+    assert_int_equal(export_stage_end(&stage, 0, &why), 0);
     text = read_all(f->folder, "x.json", &size);
     assert_non_null(strstr(text, "new"));
     free(text);
@@ -521,11 +521,11 @@ static void an_abandoned_stage_takes_the_folders_that_it_made(void **state)
     assert_int_equal(mkdir(below, 0777), 0);
     assert_int_equal(export_json(below, "x.json", j, &why), 0);
     json_decref(j);
-    export_stage_abandon(&stage, NULL);
+    export_stage_end(&stage, -EIO, NULL);
     assert_int_equal(count_files(f->folder), 0);
 
     assert_int_equal(export_stage_begin(&stage, f->folder, &why), 0);
-    export_stage_abandon(&stage, NULL);
+    export_stage_end(&stage, -EIO, NULL);
     struct stat st;
     assert_int_equal(stat(f->folder, &st), 0); /* it was there before */
 }
@@ -539,7 +539,7 @@ static void an_error_names_the_folder_that_was_asked_for(void **state)
     assert_int_equal(export_stage_begin(&stage, f->folder, NULL), 0);
     error_say(&why, -ENOSPC, "%s/a.json and %s/deep/b: full", stage.path, stage.path);
     error_say(&expected, -ENOSPC, "%s/a.json and %s/deep/b: full", f->folder, f->folder);
-    export_stage_abandon(&stage, &why);
+    export_stage_end(&stage, -EIO, &why);
     assert_string_equal(why.text, expected.text);
 }
 
@@ -573,7 +573,7 @@ static void what_a_killed_process_left_is_removed_by_the_next(void **state)
     assert_int_equal(count_files(f->folder), 1);
     assert_int_equal(export_stage_begin(&stage, f->folder, NULL), 0);
     assert_int_equal(count_files(f->folder), 1); /* its own */
-    export_stage_abandon(&stage, NULL);
+    export_stage_end(&stage, -EIO, NULL);
     assert_int_equal(count_files(f->folder), 0);
 }
 
@@ -585,8 +585,8 @@ static void a_stage_that_lives_is_no_leftover(void **state)
     assert_int_equal(export_stage_begin(&first, f->folder, NULL), 0);
     assert_int_equal(export_stage_begin(&second, f->folder, NULL), 0);
     assert_int_equal(export_json(first.path, "x.json", j, NULL), 0);
-    assert_int_equal(export_stage_commit(&first, NULL), 0);
-    export_stage_abandon(&second, NULL);
+    assert_int_equal(export_stage_end(&first, 0, NULL), 0);
+    export_stage_end(&second, -EIO, NULL);
     assert_int_equal(count_files(f->folder), 1);
     json_decref(j);
 }
@@ -606,7 +606,7 @@ static void a_link_with_a_stages_name_is_left_alone(void **state)
     assert_int_equal(export_json(elsewhere, "x.json", j, NULL), 0);
     assert_int_equal(symlink(elsewhere, link), 0);
     assert_int_equal(export_stage_begin(&stage, folder, NULL), 0);
-    export_stage_abandon(&stage, NULL);
+    export_stage_end(&stage, -EIO, NULL);
     assert_int_equal(count_files(elsewhere), 1);
     json_decref(j);
 }

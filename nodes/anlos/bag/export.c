@@ -285,11 +285,7 @@ static int write_png(const struct image *i, const struct export_options *o,
     if (err)
         return err;
     err = export_projections(stage.path, &grid, intensity, i->detections, why);
-    if (!err)
-        err = export_stage_commit(&stage, why);
-    if (err)
-        export_stage_abandon(&stage, why);
-    return err;
+    return export_stage_end(&stage, err, why);
 }
 
 static int export_png(struct stream *s, const struct export_options *o, struct error *why)

@@ -555,11 +555,8 @@ static int write_set(struct wav_set *w, struct stream *s, const char *out,
     if (err)
         return err;
     err = w->takes.endless ? write_endless(w, s, why) : write_files(w, s, why);
+    err = export_stage_end(&w->stage, err, why);
     if (!err)
-        err = export_stage_commit(&w->stage, why);
-    if (err)
-        export_stage_abandon(&w->stage, why);
-    else
         say(w, out);
     return err;
 }

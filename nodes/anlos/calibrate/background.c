@@ -182,11 +182,7 @@ static int record_all(struct recorder *r)
                       "and that it is not muted");
     if (!err)
         err = write_survey(r);
-    if (!err)
-        err = export_stage_commit(&r->folder, &s->why);
-    if (err)
-        export_stage_abandon(&r->folder, &s->why);
-    return err;
+    return export_stage_end(&r->folder, err, &s->why);
 }
 
 /* The folder as seen from the calibration file: below it relative, else absolute. */

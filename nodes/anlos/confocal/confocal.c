@@ -413,14 +413,11 @@ int confocal_run(const struct recon_options *options, const struct stopwatch *be
     }
     if (!err && interrupt_requested())
         err = error_say(&why, -EINTR, "interrupted");
-    if (!err)
-        err = export_stage_commit(&stage, &why);
-    if (err) {
-        export_stage_abandon(&stage, &why);
+    err = export_stage_end(&stage, err, &why);
+    if (err)
         fprintf(stderr, "anlos recon: %s\n", why.text);
-    } else {
+    else
         print_summary(&job);
-    }
     confocal_job_clear(&job);
     if (!err)
         return EXIT_WORKED;

@@ -396,15 +396,14 @@ static void warn(const struct psf_job *job)
                 100.0 * job->file.psf.residual);
 }
 
-static int write_files(const struct psf_job *job, struct export_stage *stage,
-                       struct error *why)
+static int write_files(const struct psf_job *job, const char *folder, struct error *why)
 {
-    int err = psf_file_write(stage->path, &job->file, why);
+    int err = psf_file_write(folder, &job->file, why);
     if (!err)
-        err = export_projections(stage->path, &job->grid, job->intensity, NULL, why);
+        err = export_projections(folder, &job->grid, job->intensity, NULL, why);
     if (!err && interrupt_requested())
         err = error_say(why, -EINTR, "interrupted");
-    return err ? err : export_stage_commit(stage, why);
+    return err;
 }
 
 static int run(const struct request *q)
@@ -422,9 +421,9 @@ static int run(const struct request *q)
                         : psf_job_measure(&job, o, &why);
         bad_input = err && err != -ENOMEM && err != -EAGAIN;
         if (!err && o->out)
-            err = write_files(&job, &stage, &why);
-        if (err && o->out)
-            export_stage_abandon(&stage, &why);
+            err = write_files(&job, stage.path, &why);
+        if (o->out)
+            err = export_stage_end(&stage, err, &why);
     }
     if (!err) {
         warn(&job);

@@ -46,7 +46,7 @@ static int run_in_stage(struct recon_job *job, struct export_stage *stage,
         err = recon_job_run(job, why);
     *bad_input = err && err != -ENOMEM && err != -EINTR && err != -EAGAIN;
     if (err)
-        return err;
+        return export_stage_end(stage, err, why);
     json_t *warnings = recon_report_warnings(job), *text;
     size_t i;
     json_array_foreach(warnings, i, text)
@@ -54,7 +54,7 @@ static int run_in_stage(struct recon_job *job, struct export_stage *stage,
     err = write_results(job, stage->path, warnings, began, why);
     if (!err && interrupt_requested())
         err = error_say(why, -EINTR, "interrupted");
-    return err ? err : export_stage_commit(stage, why);
+    return export_stage_end(stage, err, why);
 }
 
 static int run(const struct recon_options *o, const struct stopwatch *began)
@@ -70,13 +70,10 @@ static int run(const struct recon_options *o, const struct stopwatch *began)
         bad_input = false;
     if (!err)
         err = export_stage_begin(&stage, o->out, &why);
-    if (!err) {
+    if (!err)
         err = run_in_stage(&job, &stage, began, &bad_input, &why);
-        if (err)
-            export_stage_abandon(&stage, &why);
-        else
-            recon_report_print(&job);
-    }
+    if (!err)
+        recon_report_print(&job);
     recon_job_clear(&job);
     if (!err)
         return EXIT_WORKED;

@@ -596,7 +596,7 @@ static int run_in_stage(struct replay *r, struct stream *s, struct export_stage 
         err = replay_write(r, stage->path, began, why);
     if (!err && interrupt_requested())
         err = error_say(why, -EINTR, "interrupted");
-    return err ? err : export_stage_commit(stage, why);
+    return export_stage_end(stage, err, why);
 }
 
 static bool has_topic(const struct stream *s, const struct topic *t)
@@ -657,11 +657,8 @@ static int run(struct replay *r, const struct stopwatch *began, struct error *wh
     r->settings.chain.pipeline.scan.stop = interrupt_stops;
     if (!err)
         err = export_stage_begin(&stage, r->options->out, why);
-    if (!err) {
+    if (!err)
         err = run_in_stage(r, s, &stage, began, why);
-        if (err)
-            export_stage_abandon(&stage, why);
-    }
     stream_close(s);
     return err;
 }
