@@ -8,9 +8,8 @@
  * While the stage is in fault or held by hand the scan pauses, and nothing times out.
  *
  * Where the survey says that the stage does not stop, each pass is a run along all
- * positions (nodes/scan/run.h), with as many pings under way as that has.  What got lost
- * is taken again in another run, from the round before the first to the one after the
- * last of them. */
+ * positions, with as many pings under way as that has.  What got lost is taken again in
+ * another run, from the round before the first to the one after the last of them. */
 #ifndef ANLOS_NODES_SCAN_SCAN_H
 #define ANLOS_NODES_SCAN_SCAN_H
 

@@ -21,10 +21,10 @@
 
 #include "recon/planning/point_image.h"
 
-/* Of a stage that goes on (nodes/scan/run.h): before the first round it gets up to speed,
- * with so much acceleration, and goes at that for so long; and so much longer behind the
- * last slot, for its echoes, before it brakes.  One that is slower begins so many times
- * as far off, and again; it is tried so often. */
+/* Of a stage that goes on (nodes/scan/scan.c): before the first round it gets up to
+ * speed, with so much acceleration, and goes at that for so long; and so much longer
+ * behind the last slot, for its echoes, before it brakes.  One that is slower begins so
+ * many times as far off, and again; it is tried so often. */
 #define SCAN_RUN_UP_M_S2 0.5
 #define SCAN_RUN_UP_S    0.3
 #define SCAN_RUN_OUT_S   0.1
