@@ -11,9 +11,8 @@
 #include "msgs/stage.pb-c.h"
 #include "msgs/tensor.h"
 #include "msgs/topics.h"
-#include "nodes/array/ambient.h"
-#include "nodes/array/places.h"
 #include "nodes/rt/stage_line.h"
+#include "recon/geometry.h"
 
 #define MAX_SHOTS        8
 #define SURVEY_PERIOD_NS 1000000000LL
@@ -22,12 +21,68 @@
 
 /* A stage that does not stop: which of its reports tell where a ping was taken, and how
  * far beside its place in the survey one may be.  Before the first slot it is known to be
- * up to speed for so long (nodes/scan/run.c), and behind the last one it brakes. */
+ * up to speed for so long (nodes/scan/scan.c), and behind the last one it brakes. */
 #define LINE_NS        1000000000LL
 #define LINE_STEADY_NS 140000000LL
 #define LINE_FIRST_NS  300000000LL /* for so long the scan's own line will do */
 #define MOST_OFF_M     1e-3
 #define MOST_M         100.0 /* of a place or a speed in a command: no stage has more */
+
+/* -- what the survey was measured as, and is not any more
+ * --------------------------------
+ */
+
+#define DIFFERS 0.0025 /* of the speed of sound: 1 cm at 4 m */
+#define REST_NS 60000000000LL
+
+/* Cramer's formula is one of -20..50 C, and good to 0.1 % a little beyond. */
+static bool is_plausible(const Anlos__Ambient *a)
+{
+    return a->temperature_c >= -40.0 && a->temperature_c <= 60.0;
+}
+
+bool ambient_take(struct ambient *a, const struct survey *measured, struct survey *s,
+                  const Anlos__Ambient *said, int64_t now_ns)
+{
+    if (!is_plausible(said) || (a->changed_ns && now_ns - a->changed_ns < REST_NS))
+        return false;
+    double humidity = isnan(said->humidity) ? 0.0 : said->humidity;
+    double speed_m_s = survey_humid_sound_speed_m_s(said->temperature_c, humidity);
+    if (fabs(speed_m_s / s->sound_speed_m_s - 1.0) <= DIFFERS)
+        return false;
+    s->temperature_c = said->temperature_c;
+    s->sound_speed_m_s = speed_m_s;
+    s->gate_m[1] = fmin(measured->gate_m[1], survey_gate_limit_m(s));
+    a->changed_ns = now_ns;
+    return true;
+}
+
+/* Who went farther, in one step or in many, has come off. */
+int places_correct(struct survey *s, const struct survey *measured,
+                   const Anlos__MovedElement *m, struct error *why)
+{
+    const char *kind = m->speaker ? "speaker" : "microphone";
+    size_t n = m->speaker ? s->n_speakers : s->n_microphones;
+
+    if (m->element < 1 || m->element > n)
+        return error_say(why, -EINVAL, "%s %u, expected 1 to %zu", kind, m->element, n);
+    size_t i = m->element - 1;
+    double *at_m = (m->speaker ? s->speakers_m : s->microphones_m)[i];
+    const double *from_m =
+        (m->speaker ? measured->speakers_m : measured->microphones_m)[i];
+    const double to_m[3] = {at_m[0] + m->x_m, at_m[1] + m->y_m, at_m[2] + m->z_m};
+    double way_m = geometry_distance(from_m, to_m);
+    if (!(way_m <= SURVEY_SAME_M))
+        return error_say(
+            why, -EINVAL,
+            "%s %u is %.1f cm from its surveyed place, expected at most %.0f", kind,
+            m->element, 1e2 * way_m, 1e2 * SURVEY_SAME_M);
+    memcpy(at_m, to_m, sizeof to_m);
+    return 0;
+}
+
+/* -- shots and pings --------------------------------------------------------------------
+ */
 
 struct shot {
     Anlos__FireCommand command; /* without its speakers */

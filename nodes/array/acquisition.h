@@ -9,8 +9,11 @@
 
 #include "hal/array.h"
 #include "msgs/array.pb-c.h"
+#include "msgs/health.pb-c.h"
 #include "msgs/survey.pb-c.h"
+#include "msgs/vehicle.pb-c.h"
 #include "nodes/rt/loop.h"
+#include "recon/survey.h"
 
 struct acquisition;
 
@@ -66,5 +69,26 @@ bool acquisition_has_ended(const struct acquisition *s);
 int acquisition_next(struct acquisition *s, Anlos__Ping *out, int64_t *t0_ns,
                      struct error *why);
 void acquisition_destroy(struct acquisition *s);
+
+/* The air that sound goes through, as the vehicle says it (topic "ambient"): an array
+ * that stands and was measured at another temperature would place what it hears at 4 m
+ * wrong by 7 mm for each kelvin. */
+struct ambient {
+    int64_t changed_ns; /* monotonic; 0: never */
+};
+
+/* Gives a survey, which is `measured` but for what this sets, the temperature and speed
+ * of sound of what the vehicle says, where the speed differs by more than it takes to
+ * tell, and not more often than once a minute: whoever images starts anew then.  In
+ * colder air the gate ends where the slot does.  false: it stays as it is. */
+bool ambient_take(struct ambient *a, const struct survey *measured, struct survey *s,
+                  const Anlos__Ambient *said, int64_t now_ns);
+
+/* An element that was knocked stands where it is heard to stand: moves it in the survey,
+ * of the same array as the measured one.  0, or -EINVAL with an error (no such element,
+ * no number, more than SURVEY_SAME_M from its measured place): the survey is as it was
+ * then. */
+int places_correct(struct survey *s, const struct survey *measured,
+                   const Anlos__MovedElement *m, struct error *why);
 
 #endif

@@ -9,7 +9,7 @@
 
 #include "tests/nodes/near.h"
 
-#include "nodes/array/ambient.h"
+#include "nodes/array/acquisition.h"
 
 #define SECOND_NS 1000000000LL
 

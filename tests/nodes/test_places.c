@@ -11,7 +11,7 @@
 
 #include "tests/nodes/near.h"
 
-#include "nodes/array/places.h"
+#include "nodes/array/acquisition.h"
 
 struct array {
     double speakers_m[2][3], microphones_m[3][3];

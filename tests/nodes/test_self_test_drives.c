@@ -17,7 +17,7 @@
 #include "hal/survey/firing.h"
 #include "msgs/convert.h"
 #include "nodes/anlos/doctor/drive_pipe.h"
-#include "nodes/array/places.h"
+#include "nodes/array/acquisition.h"
 #include "nodes/can/watch.h"
 #include "nodes/rt/launchfile.h"
 #include "nodes/rt/launchfile_pipeline.h"
