@@ -5,6 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "nodes/can/watch.h"
+
 /* In the frame it is rounded; 1 would say that in one direction nothing is off at all. */
 #define MOST_CORRELATION 0.96
 
@@ -165,6 +167,24 @@ void bus_budget_begin(struct bus_budget *a, const struct bus_budget_config *cfg,
 
 #define BEYOND_M     0.3  /* a middle is farther than what is heard of it, at most */
 #define COUNTER_HALF 2048 /* of what a frame holds: a larger step looks like one back */
+
+void sender_config_set(struct sender_config *out, const struct launchfile *l)
+{
+    *out = (struct sender_config){
+        .base_id = CAN_BASE_DEFAULT,
+        .bus = {.rate = {.nominal_bit_s = 500e3, .data_bit_s = 2e6}, .load = 0.5},
+    };
+    if (!l)
+        return;
+    out->base_id = l->can.base_id + CAN_SENSOR_STEP * l->can.sensor;
+    out->bus = (struct bus_budget_config){
+        .rate = {.nominal_bit_s = l->can.bitrate, .data_bit_s = l->can.data_bitrate},
+        .fd = l->can.fd,
+        .motion = l->can.motion,
+        .view = l->can.field_of_view,
+        .load = l->can.load};
+    out->stale_ns = l->scan.fixed ? WATCH_STALE_NS : 0;
+}
 
 void sender_init(struct sender *s, const struct sender_config *cfg)
 {

@@ -14,6 +14,7 @@
 #include "msgs/can/load.h"
 #include "msgs/detections.pb-c.h"
 #include "msgs/survey.pb-c.h"
+#include "nodes/rt/launchfile.h"
 
 /* How many objects the next list may have, so that the bus is not used more than it may
  * be: in no second, wherever it begins, do the frames of lists and all that comes in
@@ -102,6 +103,9 @@ struct sender_list {
     size_t n_frames;
     struct can_frame_data frames[SENDER_MAX_FRAMES]; /* [n_frames], of sender_finalize */
 };
+
+/* What a launch file says; NULL: the defaults. */
+void sender_config_set(struct sender_config *out, const struct launchfile *l);
 
 void sender_init(struct sender *s, const struct sender_config *cfg);
 void sender_survey(struct sender *s, const Anlos__Survey *survey);

@@ -9,7 +9,6 @@
 #include <unistd.h>
 
 #include "msgs/topics.h"
-#include "nodes/can/config.h"
 #include "nodes/can/cyclic.h"
 #include "nodes/can/inbox.h"
 #include "nodes/can/list_check.h"
@@ -92,10 +91,10 @@ static void configure(struct vehicle *v)
 {
     const struct launchfile *l = node_launch(v->node);
     struct sender_config sends;
-    struct watch_config watches;
+    const struct watch_config watches = {.fixed = l->scan.fixed,
+                                         .wall = launchfile_has_node(l, "wall")};
 
-    can_config_sender(&sends, l);
-    can_config_watch(&watches, l);
+    sender_config_set(&sends, l);
     sender_init(&v->sender, &sends);
     watch_init(&v->watch, &watches);
     inbox_init(&v->inbox, sends.base_id);

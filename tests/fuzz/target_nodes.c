@@ -4,8 +4,8 @@
 #include <stdlib.h>
 
 #include "msgs/unpack.h"
-#include "nodes/can/config.h"
 #include "nodes/can/diagnosis.h"
+#include "nodes/can/sender.h"
 #include "nodes/dsp/dsp.h"
 #include "nodes/recon/recon.h"
 #include "nodes/report/report.h"
@@ -44,7 +44,7 @@ static void start(struct system *s)
     FUZZ_REQUIRE(!recon_create(&s->recon, NULL, &recon));
     launchfile_pipeline(&cfg, NULL);
     FUZZ_REQUIRE(!tracking_create(&s->tracking, NULL, &cfg.tracker));
-    can_config_sender(&sender, NULL);
+    sender_config_set(&sender, NULL);
     sender_init(&s->sender, &sender);
     watch_init(&s->watch, &watch);
     diagnosis_init(&s->diagnosis, 1);

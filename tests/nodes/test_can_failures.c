@@ -12,8 +12,8 @@
 #include "msgs/scan.pb-c.h"
 #include "msgs/survey.pb-c.h"
 #include "msgs/wall.pb-c.h"
-#include "nodes/can/config.h"
 #include "nodes/can/outbox.h"
+#include "nodes/can/sender.h"
 #include "nodes/can/vehicle.h"
 #include "tests/failing.h"
 
@@ -46,7 +46,7 @@ static int send_lists(struct rig *r, struct canbus *bus, struct error *why)
     char text[320];
     int err = 0;
 
-    can_config_sender(&cfg, NULL);
+    sender_config_set(&cfg, NULL);
     sender_init(&s, &cfg);
     outbox_init(&o, bus, &r->clock.source, &s);
     for (uint32_t i = 0; i < LISTS; i++) {

@@ -9,8 +9,8 @@
 
 #include <cmocka.h>
 
-#include "nodes/can/config.h"
 #include "nodes/can/cyclic.h"
+#include "nodes/can/sender.h"
 
 #define MS 1000000LL
 
@@ -30,7 +30,7 @@ static int setup(void **state)
 
     if (!r)
         return -1;
-    can_config_sender(&cfg, NULL);
+    sender_config_set(&cfg, NULL);
     sender_init(&r->sender, &cfg);
     outbox_init(&r->outbox, NULL, clock_system(), &r->sender);
     watch_init(&r->watch, &watched);

@@ -12,8 +12,8 @@
 
 #include <cmocka.h>
 
-#include "nodes/can/config.h"
 #include "nodes/can/outbox.h"
+#include "nodes/can/sender.h"
 
 #define MS 1000000LL
 
@@ -98,7 +98,7 @@ static int setup(void **state)
     r->bus.confirms = true;
     r->now_ns = 5000 * MS;
     r->clock = (struct clock_source){.now_ns = rig_now, .state = r};
-    can_config_sender(&cfg, NULL);
+    sender_config_set(&cfg, NULL);
     sender_init(&r->sender, &cfg);
     outbox_init(&r->outbox, &r->bus, &r->clock, &r->sender);
     *state = r;

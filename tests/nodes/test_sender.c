@@ -8,7 +8,6 @@
 
 #include <cmocka.h>
 
-#include "nodes/can/config.h"
 #include "nodes/can/sender.h"
 #include "tests/nodes/near.h"
 
@@ -18,7 +17,7 @@ static void init(struct sender *s, uint32_t base)
 {
     struct sender_config cfg;
 
-    can_config_sender(&cfg, NULL);
+    sender_config_set(&cfg, NULL);
     cfg.base_id = base;
     sender_init(s, &cfg);
 }

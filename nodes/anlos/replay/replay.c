@@ -17,7 +17,6 @@
 #include "nodes/anlos/recon/report.h"
 #include "nodes/anlos/replay/chain.h"
 #include "nodes/anlos/usage.h"
-#include "nodes/can/config.h"
 #include "nodes/rt/export.h"
 #include "nodes/rt/launchfile.h"
 #include "nodes/rt/launchfile_pipeline.h"
@@ -150,7 +149,7 @@ static int settings_load(struct settings *s, const struct recon_options *o,
     if (!s->launch)
         s->name[0] = '\0';
     launchfile_pipeline(&s->chain.pipeline, s->launch);
-    can_config_sender(&s->chain.sender, s->launch);
+    sender_config_set(&s->chain.sender, s->launch);
     take_options(&s->chain.pipeline, o);
     return take_imaging(s, o, why);
 }

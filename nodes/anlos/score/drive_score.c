@@ -5,7 +5,6 @@
 #include <stdbool.h>
 #include <string.h>
 
-#include "nodes/can/config.h"
 #include "recon/tracking/assignment.h"
 
 _Static_assert(BENCH_SET_MAX <= ASSIGNMENT_ROWS, "");
@@ -391,7 +390,7 @@ void drive_told_init(struct drive_told *t, const struct launchfile *l)
 {
     struct sender_config cfg;
 
-    can_config_sender(&cfg, l);
+    sender_config_set(&cfg, l);
     *t = (struct drive_told){.last_ns = 0};
     sender_init(&t->sender, &cfg);
 }
