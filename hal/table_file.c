@@ -104,9 +104,11 @@ static int take_names(struct table *t, char *const *fields, size_t n)
     return 0;
 }
 
-static int take_line(struct table *t, char *line)
+static int take_line(void *ctx, char *line, size_t number)
 {
+    struct table *t = ctx;
     char *fields[TABLE_MAX_FIELDS], *row[TABLE_MAX_FIELDS];
+    t->line = number;
     if (t->line == 1 && !strncmp(line, "\xef\xbb\xbf", 3))
         line += 3; /* byte order mark */
     line += strspn(line, " ");
@@ -134,21 +136,8 @@ int table_load(const char *path, const struct table_column *columns, size_t n_co
                       .row = row,
                       .ctx = ctx,
                       .why = why};
-    char *line = NULL;
-    size_t room = 0;
-    FILE *f;
-    int err = text_file_open(&f, path, why);
+    int err = text_file_lines(path, take_line, &t, why);
 
-    if (err)
-        return err;
-    while (!err && getline(&line, &room, f) >= 0) {
-        t.line++;
-        err = take_line(&t, line);
-    }
-    free(line);
-    if (!err && ferror(f))
-        err = error_say(why, -EIO, "%s: cannot be read", path);
-    fclose(f);
     if (!err && !t.n_fields)
         err =
             error_say(why, -EINVAL, "%s: empty; its first line names the columns", path);

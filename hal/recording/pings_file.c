@@ -8,7 +8,6 @@
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
-#include <unistd.h>
 
 #include "dsp/list.h"
 #include "hal/table_file.h"
@@ -99,9 +98,11 @@ static int take_ping(struct pings_file *f, char *const *fields, size_t n)
     return append(f, at);
 }
 
-static int take_line(struct pings_file *f, char *line)
+static int take_line(void *ctx, char *line, size_t number)
 {
+    struct pings_file *f = ctx;
     char *fields[TABLE_MAX_FIELDS];
+    f->line = number;
     if (f->line == 1 && !strncmp(line, "\xef\xbb\xbf", 3))
         line += 3; /* byte order mark */
     line += strspn(line, " ");
@@ -113,34 +114,14 @@ static int take_line(struct pings_file *f, char *line)
     return take_ping(f, fields, n);
 }
 
-static int read_lines(struct pings_file *f, FILE *from)
-{
-    char *line = NULL;
-    size_t room = 0;
-    int err = 0;
-    while (!err && getline(&line, &room, from) >= 0) {
-        f->line++;
-        err = take_line(f, line);
-    }
-    free(line);
-    if (!err && ferror(from))
-        err = error_say(f->why, -EIO, "%s: cannot be read", f->path);
-    if (!err && !f->n)
-        err = error_say(f->why, -EINVAL, "%s: expected a line for each ping, found none",
-                        f->path);
-    return err;
-}
-
 int pings_load(double (**out)[2][3], size_t *n, const char *path, struct error *why)
 {
     struct pings_file f = {
         .path = path, .column = {0, 1, 2, 3, 4, 5}, .n_fields = COLUMNS, .why = why};
-    FILE *from;
-    int err = text_file_open(&from, path, why);
-    if (err)
-        return err;
-    err = read_lines(&f, from);
-    fclose(from);
+    int err = text_file_lines(path, take_line, &f, why);
+    if (!err && !f.n)
+        err = error_say(why, -EINVAL, "%s: expected a line for each ping, found none",
+                        path);
     if (err) {
         free(f.pings);
         return err;
@@ -150,26 +131,29 @@ int pings_load(double (**out)[2][3], size_t *n, const char *path, struct error *
     return 0;
 }
 
+struct listing {
+    const double (*pings)[2][3];
+    size_t n;
+};
+
+static void print_pings(FILE *f, const void *what)
+{
+    const struct listing *l = what;
+    char text[DECIMAL_SIZE];
+    fputs("tx_x_m,tx_y_m,tx_z_m,rx_x_m,rx_y_m,rx_z_m\n", f);
+    for (size_t k = 0; k < l->n; k++)
+        for (int c = 0; c < 6; c++)
+            fprintf(f, "%s%s", decimal_print(l->pings[k][c / 3][c % 3], text),
+                    c < 5 ? "," : "\n");
+}
+
 int pings_save(const double (*pings)[2][3], size_t n, const char *path)
 {
-    char *name, text[DECIMAL_SIZE];
-    int err = 0;
+    const struct listing l = {pings, n};
+    char *name;
     if (asprintf(&name, "%s-pings.csv", path) < 0)
         return -ENOMEM;
-    unlink(name); /* and not through a link that somebody has put there */
-    FILE *f = fopen(name, "wxe");
-    if (f) {
-        fputs("tx_x_m,tx_y_m,tx_z_m,rx_x_m,rx_y_m,rx_z_m\n", f);
-        for (size_t k = 0; k < n; k++)
-            for (int c = 0; c < 6; c++)
-                fprintf(f, "%s%s", decimal_print(pings[k][c / 3][c % 3], text),
-                        c < 5 ? "," : "\n");
-        err = ferror(f) ? -EIO : 0;
-        if (fclose(f) && !err)
-            err = -errno;
-    } else {
-        err = -errno;
-    }
+    int err = text_file_write(name, false, print_pings, &l);
     free(name);
     return err;
 }

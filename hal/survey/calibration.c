@@ -7,7 +7,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 #include "hal/survey/yaml.h"
 #include "hal/text_file.h"
@@ -513,8 +512,9 @@ static void print_places(FILE *f, const char *kind, const double (*at_m)[3], siz
                 decimal_print(at_m[i][1], text[1]), decimal_print(at_m[i][2], text[2]));
 }
 
-static void print_calibration(FILE *f, const struct calibration *c)
+static void print_calibration(FILE *f, const void *what)
 {
+    const struct calibration *c = what;
     fputs("# What anlos calibrate has measured; each of its commands renews a part.\n"
           "# Channels are counted from 0, gains are relative to their mean.\n",
           f);
@@ -549,33 +549,9 @@ static void print_calibration(FILE *f, const struct calibration *c)
         print_text(f, "background", c->background);
 }
 
-/* Synced before it takes the old one's place: a power cut leaves one of them whole. */
-static int write_whole(const struct calibration *c, const char *path, const char *partial)
-{
-    int err = 0;
-    unlink(partial); /* and not through a link that somebody has put there */
-    FILE *f = fopen(partial, "wxe");
-    if (!f)
-        return -errno;
-    print_calibration(f, c);
-    if (fflush(f) || ferror(f) || fsync(fileno(f)) < 0)
-        err = errno ? -errno : -EIO;
-    if (fclose(f) && !err)
-        err = -errno;
-    if (!err && rename(partial, path) < 0)
-        err = -errno;
-    if (err)
-        unlink(partial);
-    return err;
-}
-
 int calibration_save(const struct calibration *c, const char *path, struct error *why)
 {
-    char *partial;
-    if (asprintf(&partial, "%s.part", path) < 0)
-        return error_say(why, -ENOMEM, "%s: out of memory", path);
-    int err = write_whole(c, path, partial);
-    free(partial);
+    int err = text_file_write(path, true, print_calibration, c);
     if (err)
         error_say(why, err, "%s cannot be written: %s", path, strerror(-err));
     return err;

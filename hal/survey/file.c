@@ -8,7 +8,6 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
 #include "hal/recording/pings_file.h"
 #include "hal/recording/replica_file.h"
@@ -201,11 +200,17 @@ static void print_array(FILE *f, const struct survey *s)
         fputs("  continuous: true\n", f);
 }
 
-static void print_survey(FILE *f, const struct survey *s, const char *path,
-                         const char *calibration)
+struct saving {
+    const struct survey *survey;
+    const char *path, *calibration; /* its folder; NULL: none */
+};
+
+static void print_survey(FILE *f, const void *what)
 {
-    const char *slash = strrchr(path, '/');
-    const char *name = slash ? slash + 1 : path;
+    const struct saving *k = what;
+    const struct survey *s = k->survey;
+    const char *slash = strrchr(k->path, '/');
+    const char *name = slash ? slash + 1 : k->path;
     print_timing(f, s);
     if (s->n_replica)
         fprintf(f, "replica: \"%s-replica.wav\"\n", name);
@@ -213,8 +218,8 @@ static void print_survey(FILE *f, const struct survey *s, const char *path,
         fprintf(f, "pings: \"%s-pings.csv\"\n", name);
     else
         print_array(f, s);
-    if (calibration) {
-        fprintf(f, "calibration:\n  folder: \"%s\"\n  serials: [", calibration);
+    if (k->calibration) {
+        fprintf(f, "calibration:\n  folder: \"%s\"\n  serials: [", k->calibration);
         for (size_t i = 0; i < s->n_responses; i++)
             fprintf(f, "%s\"%s\"", i ? ", " : "", s->responses[i].serial);
         fputs("]\n", f);
@@ -240,36 +245,11 @@ static int save_responses(const struct survey *s, const char *path, const char *
     return err;
 }
 
-static int write_whole(const struct survey *s, const char *path, const char *calibration)
-{
-    char *partial;
-    int err = 0;
-    if (asprintf(&partial, "%s.part", path) < 0)
-        return -ENOMEM;
-    unlink(partial);
-    FILE *f = fopen(partial, "wxe");
-    if (!f) {
-        err = -errno;
-        goto name;
-    }
-    print_survey(f, s, path, calibration);
-    if (fflush(f) || ferror(f))
-        err = errno ? -errno : -EIO;
-    if (fclose(f) && !err)
-        err = -errno;
-    if (!err && rename(partial, path) < 0)
-        err = -errno;
-    if (err)
-        unlink(partial);
-name:
-    free(partial);
-    return err;
-}
-
 int survey_save(const struct survey *s, const char *path, const char *calibration_folder,
                 struct error *why)
 {
     const char *calibration = s->n_responses ? calibration_folder : NULL;
+    const struct saving what = {s, path, calibration};
     int err = calibration ? save_responses(s, path, calibration, why) : 0;
     if (err)
         return err;
@@ -278,7 +258,7 @@ int survey_save(const struct survey *s, const char *path, const char *calibratio
     if (!err && s->n_replica)
         err = replica_save(s->replica, s->n_replica, path, s->sample_rate_hz);
     if (!err)
-        err = write_whole(s, path, calibration);
+        err = text_file_write(path, false, print_survey, &what);
     if (err)
         error_say(why, err, "%s cannot be written: %s", path, strerror(-err));
     return err;

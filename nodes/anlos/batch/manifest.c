@@ -156,10 +156,12 @@ static int take_bag(struct reading *r, struct manifest_bag *b, char *line)
     return err ? err : name_job(r, b);
 }
 
-static int take_line(struct reading *r, char *line)
+static int take_line(void *ctx, char *line, size_t number)
 {
+    struct reading *r = ctx;
     struct manifest *m = r->m;
 
+    r->line = number;
     line[strcspn(line, "\r\n")] = '\0';
     if (!line[strspn(line, " \t")] || line[0] == '#')
         return 0;
@@ -221,22 +223,9 @@ int manifest_load(struct manifest *m, const char *path, struct error *why)
     const char *slash = strrchr(path, '/');
     struct reading r = {
         .path = path, .folder = slash ? (int)(slash - path) + 1 : 0, .m = m, .why = why};
-    char *line = NULL;
-    size_t size = 0;
-    FILE *f;
 
     *m = (struct manifest){.bags = NULL};
-    int err = text_file_open(&f, path, why);
-    if (err)
-        return err;
-    while (!err && getline(&line, &size, f) >= 0) {
-        r.line++;
-        err = take_line(&r, line);
-    }
-    if (!err && ferror(f))
-        err = error_say(why, -EIO, "%s: cannot be read", path);
-    free(line);
-    fclose(f);
+    int err = text_file_lines(path, take_line, &r, why);
     if (!err)
         err = check(&r);
     if (err)
