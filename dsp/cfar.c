@@ -351,19 +351,6 @@ struct cfar {
     size_t n_ratios, next_ratio, images;
 };
 
-int cfar_kind_from_name(const char *name, enum cfar_kind *out)
-{
-    static const char *const names[] = {"off", "averaging", "ordered"};
-
-    for (unsigned i = 0; i < sizeof names / sizeof *names; i++) {
-        if (strcmp(name, names[i]) == 0) {
-            *out = (enum cfar_kind)i;
-            return 0;
-        }
-    }
-    return -EINVAL;
-}
-
 static bool is_valid(const struct cfar_config *c)
 {
     bool ok = c->false_alarm_rate >= 1e-12 && c->false_alarm_rate <= 0.5;

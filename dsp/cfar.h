@@ -23,9 +23,6 @@
 
 enum cfar_kind { CFAR_OFF, CFAR_AVERAGING, CFAR_ORDERED };
 
-/* 0, -EINVAL: off, averaging, ordered. */
-int cfar_kind_from_name(const char *name, enum cfar_kind *out);
-
 #define CFAR_MIN_TRAINING 16 /* cells; where there are fewer, nothing is detected */
 
 struct cfar_config {

@@ -354,30 +354,63 @@ static double double_or(const double *value, double otherwise)
     return value ? *value : otherwise;
 }
 
-/* Which of names[n] it is; n: none of them. */
-static size_t find_name(const char *const *names, size_t n, const char *name)
+/* Which of the names is written, NULL after the last of them: *out, which stays what it
+ * is where nothing is. */
+static int take_name(const struct launchfile *l, const char *key, const char *name,
+                     const char *const names[], size_t *out, struct error *why)
 {
-    size_t i = 0;
+    char list[128] = "";
+    size_t used = 0;
 
-    while (i < n && strcmp(names[i], name) != 0)
-        i++;
-    return i;
+    for (size_t i = 0; name && names[i]; i++) {
+        const char *between = !i ? "" : names[i + 1] ? ", " : " or ";
+        if (!strcmp(names[i], name)) {
+            *out = i;
+            return 0;
+        }
+        used +=
+            (size_t)snprintf(list + used, sizeof list - used, "%s%s", between, names[i]);
+    }
+    return name ? yaml_error_say(why, -EINVAL, l->path, key, "expected %s, not %s", list,
+                                 name)
+                : 0;
 }
 
-/* A number that has to be min..max. */
-struct limit {
+/* A number that has to be min..max.  What is written goes where it belongs; NULL: the
+ * default stays there. */
+struct number {
     const char *key;
-    double value, min, max;
+    const double *real;
+    const unsigned *whole;
+    double *to_real;
+    unsigned *to_whole;
+    double min, max;
 };
 
-static int check_limits(const struct launchfile *l, const struct limit *numbers, size_t n,
-                        struct error *why)
+#define REAL_IN(section, name, least, most)                                              \
+    {                                                                                    \
+        .key = #section "." #name, .real = t->section.name, .to_real = &l->section.name, \
+        .min = least, .max = most                                                        \
+    }
+#define WHOLE_IN(section, name, least, most)                                             \
+    {                                                                                    \
+        .key = #section "." #name, .whole = t->section.name,                             \
+        .to_whole = &l->section.name, .min = least, .max = most                          \
+    }
+
+static int take_numbers(const struct launchfile *l, const struct number *numbers,
+                        size_t n, struct error *why)
 {
     int err = 0;
 
-    for (size_t i = 0; !err && i < n; i++)
-        err = yaml_check_range(l->path, numbers[i].key, numbers[i].value, numbers[i].min,
-                               numbers[i].max, why);
+    for (const struct number *x = numbers; !err && x < numbers + n; x++) {
+        if (x->real)
+            *x->to_real = *x->real;
+        if (x->whole)
+            *x->to_whole = *x->whole;
+        err = yaml_check_range(l->path, x->key, x->to_real ? *x->to_real : *x->to_whole,
+                               x->min, x->max, why);
+    }
     return err;
 }
 
@@ -624,14 +657,13 @@ enum { DEFAULT_FRAMES = 8, MOST_FRAMES = 1000 };
 static int copy_scan_mode(struct launchfile *l, const struct launch_text *t,
                           struct error *why)
 {
-    const char *mode = t->scan.mode ? t->scan.mode : "stepped";
+    static const char *const modes[] = {"stepped", "continuous", "fixed", NULL};
+    size_t mode = 0;
+    int err = take_name(l, "scan.mode", t->scan.mode, modes, &mode, why);
 
-    l->scan.fixed = !strcmp(mode, "fixed");
-    l->scan.continuous = !strcmp(mode, "continuous");
-    if (l->scan.fixed || l->scan.continuous || !strcmp(mode, "stepped"))
-        return 0;
-    return yaml_error_say(why, -EINVAL, l->path, "scan.mode",
-                          "expected stepped, continuous or fixed, not %s", mode);
+    l->scan.continuous = mode == 1;
+    l->scan.fixed = mode == 2;
+    return err;
 }
 
 static int refuse_of_stepped(const struct launchfile *l, const struct launch_text *t,
@@ -689,16 +721,14 @@ static int copy_background(struct launchfile *l, const struct launch_text *t,
 {
     static const char *const names[] = {[BACKGROUND_NONE] = "none",
                                         [BACKGROUND_RECORDED] = "recorded",
-                                        [BACKGROUND_ADAPTIVE] = "adaptive"};
-    const char *name = t->dsp.background;
+                                        [BACKGROUND_ADAPTIVE] = "adaptive",
+                                        NULL};
     double s = t->dsp.background_s ? *t->dsp.background_s : DEFAULT_BACKGROUND_S;
-    size_t mode = name                 ? find_name(names, COUNT(names), name)
-                  : l->scan.background ? BACKGROUND_RECORDED
-                                       : BACKGROUND_NONE;
+    size_t mode = l->scan.background ? BACKGROUND_RECORDED : BACKGROUND_NONE;
+    int err = take_name(l, "dsp.background", t->dsp.background, names, &mode, why);
 
-    if (mode == COUNT(names))
-        return yaml_error_say(why, -EINVAL, l->path, "dsp.background",
-                              "expected none, recorded or adaptive, not %s", name);
+    if (err)
+        return err;
     if ((mode == BACKGROUND_RECORDED) != l->scan.background)
         return yaml_error_say(why, -EINVAL, l->path, "dsp.background",
                               "%s does not go with scan.background: %s, which says "
@@ -789,23 +819,23 @@ static int refuse_of_fixed(const struct launchfile *l, const struct launch_text 
 static int take_frames(struct launchfile *l, const struct launch_text *t,
                        struct error *why)
 {
+    static const char *const sums[] = {
+        [FRAMES_COHERENT] = "coherent", [FRAMES_POWER] = "power", NULL};
+    static const char *const every[] = {"ping", "frame", NULL};
     const struct launch_text_frames *f = &t->recon.frames;
-    const char *sum = f->sum ? f->sum : "power", *every = f->every ? f->every : "frame";
+    size_t sum = FRAMES_POWER, when = 1;
 
     l->recon.frames.pings = f->pings ? *f->pings : 0;
-    l->recon.frames.sum = strcmp(sum, "power") ? FRAMES_COHERENT : FRAMES_POWER;
-    l->recon.frames.every_ping = !strcmp(every, "ping");
     if (l->recon.frames.pings > FRAMES_MAX_PINGS)
         return yaml_error_say(why, -EINVAL, l->path, "recon.frames.pings",
                               "expected 0 to %d, not %u", FRAMES_MAX_PINGS,
                               l->recon.frames.pings);
-    if (strcmp(sum, "power") && strcmp(sum, "coherent"))
-        return yaml_error_say(why, -EINVAL, l->path, "recon.frames.sum",
-                              "expected coherent or power, not %s", sum);
-    if (strcmp(every, "ping") && strcmp(every, "frame"))
-        return yaml_error_say(why, -EINVAL, l->path, "recon.frames.every",
-                              "expected ping or frame, not %s", every);
-    return 0;
+    int err = take_name(l, "recon.frames.sum", f->sum, sums, &sum, why);
+    if (!err)
+        err = take_name(l, "recon.frames.every", f->every, every, &when, why);
+    l->recon.frames.sum = (enum frames_sum)sum;
+    l->recon.frames.every_ping = when == 0;
+    return err;
 }
 
 /* The images of a static array:
@@ -872,77 +902,50 @@ static void track_default(struct launch_track *out, bool fixed)
                                  .coast_s = d.track.coast_s};
 }
 
-static int check_track(const struct launchfile *l, struct error *why)
+static int copy_track_names(struct launchfile *l, const struct launch_text_track *t,
+                            struct error *why)
 {
-    const struct launch_track *t = &l->track;
-    const struct limit numbers[] = {
-        {"track.threshold_db", t->threshold_db, 0, 120},
-        {"track.min_existence", t->min_existence, 0, 1},
-        {"track.false_alarm_rate", t->false_alarm_rate, 1e-12, 0.5},
-        {"track.confirm_of", t->confirm_of, 1, TRACK_LOOKS_MAX},
-        {"track.confirm_hits", t->confirm_hits, 1, t->confirm_of},
-        {"track.confirm_existence", t->confirm_existence, 0, 0.998},
-        {"track.detection_probability", t->detection_probability, 0.01, 0.99},
-        {"track.clutter", t->clutter, 1e-6, 1000},
-        {"track.look_s", t->look_s, 0, 10},
-        {"track.sidelobe_db", t->sidelobe_db, 0.1, 200},
-        {"track.acceleration_psd", t->acceleration_psd, 1e-6, 1000},
-        {"track.join_m", t->join_m, 0, 10},
-        {"track.coast_s", t->coast_s, 0.01, 60},
-    };
-    return check_limits(l, numbers, COUNT(numbers), why);
-}
-
-static int copy_track_mode(struct launchfile *l, const char *mode, struct error *why)
-{
-    static const char *const names[] = {[OBJECT_TRACKER_AUTO] = "auto",
+    static const char *const kinds[] = {[CFAR_OFF] = "off",
+                                        [CFAR_AVERAGING] = "averaging",
+                                        [CFAR_ORDERED] = "ordered",
+                                        NULL};
+    static const char *const modes[] = {[OBJECT_TRACKER_AUTO] = "auto",
                                         [OBJECT_TRACKER_LISTS] = "lists",
-                                        [OBJECT_TRACKER_TRACKS] = "tracks"};
+                                        [OBJECT_TRACKER_TRACKS] = "tracks",
+                                        NULL};
+    size_t kind = l->track.cfar, mode = l->track.mode;
+    int err = take_name(l, "track.cfar", t->cfar, kinds, &kind, why);
 
-    size_t i = mode ? find_name(names, COUNT(names), mode) : l->track.mode;
-
-    if (i == COUNT(names))
-        return yaml_error_say(why, -EINVAL, l->path, "track.mode",
-                              "expected auto, lists or tracks, not %s", mode);
-    l->track.mode = (enum object_tracker_mode)i;
-    return 0;
+    if (!err)
+        err = take_name(l, "track.mode", t->mode, modes, &mode, why);
+    l->track.cfar = (enum cfar_kind)kind;
+    l->track.mode = (enum object_tracker_mode)mode;
+    return err;
 }
 
 /* Fills in l->track.  0, -EINVAL. */
 static int copy_track(struct launchfile *l, const struct launch_text *t,
                       struct error *why)
 {
-    const struct launch_text_track *from = &t->track;
-    const struct {
-        const double *value;
-        double *to;
-    } numbers[] = {
-        {from->threshold_db, &l->track.threshold_db},
-        {from->min_existence, &l->track.min_existence},
-        {from->false_alarm_rate, &l->track.false_alarm_rate},
-        {from->confirm_existence, &l->track.confirm_existence},
-        {from->detection_probability, &l->track.detection_probability},
-        {from->clutter, &l->track.clutter},
-        {from->look_s, &l->track.look_s},
-        {from->sidelobe_db, &l->track.sidelobe_db},
-        {from->acceleration_psd, &l->track.acceleration_psd},
-        {from->join_m, &l->track.join_m},
-        {from->coast_s, &l->track.coast_s},
-    };
-
     track_default(&l->track, l->scan.fixed);
-    for (size_t i = 0; i < COUNT(numbers); i++)
-        if (numbers[i].value)
-            *numbers[i].to = *numbers[i].value;
-    if (from->confirm_hits)
-        l->track.confirm_hits = *from->confirm_hits;
-    if (from->confirm_of)
-        l->track.confirm_of = *from->confirm_of;
-    if (from->cfar && cfar_kind_from_name(from->cfar, &l->track.cfar))
-        return yaml_error_say(why, -EINVAL, l->path, "track.cfar",
-                              "expected off, averaging or ordered, not %s", from->cfar);
-    int err = copy_track_mode(l, from->mode, why);
-    return err ? err : check_track(l, why);
+    l->track.confirm_of = unsigned_or(t->track.confirm_of, l->track.confirm_of);
+    const struct number numbers[] = {
+        REAL_IN(track, threshold_db, 0, 120),
+        REAL_IN(track, min_existence, 0, 1),
+        REAL_IN(track, false_alarm_rate, 1e-12, 0.5),
+        WHOLE_IN(track, confirm_of, 1, TRACK_LOOKS_MAX),
+        WHOLE_IN(track, confirm_hits, 1, l->track.confirm_of),
+        REAL_IN(track, confirm_existence, 0, 0.998),
+        REAL_IN(track, detection_probability, 0.01, 0.99),
+        REAL_IN(track, clutter, 1e-6, 1000),
+        REAL_IN(track, look_s, 0, 10),
+        REAL_IN(track, sidelobe_db, 0.1, 200),
+        REAL_IN(track, acceleration_psd, 1e-6, 1000),
+        REAL_IN(track, join_m, 0, 10),
+        REAL_IN(track, coast_s, 0.01, 60),
+    };
+    int err = copy_track_names(l, &t->track, why);
+    return err ? err : take_numbers(l, numbers, COUNT(numbers), why);
 }
 
 /* -- wall ---------------------------------------------------------------------------- */
@@ -952,47 +955,36 @@ static int copy_wall_names(struct launchfile *l, const struct launch_text_wall *
 {
     static const char *const from[] = {[WALL_FROM_SURVEY] = "survey",
                                        [WALL_FROM_TOPIC] = "topic",
-                                       [WALL_FROM_ECHOES] = "echoes"};
-    const char *prior = t->prior ? t->prior : "vertical";
-    size_t k = t->from ? find_name(from, COUNT(from), t->from) : WALL_FROM_SURVEY;
+                                       [WALL_FROM_ECHOES] = "echoes",
+                                       NULL};
+    static const char *const priors[] = {"vertical", "none", NULL};
+    size_t k = WALL_FROM_SURVEY, prior = 0;
+    int err = take_name(l, "wall.from", t->from, from, &k, why);
 
-    if (k == COUNT(from))
-        return yaml_error_say(why, -EINVAL, l->path, "wall.from",
-                              "expected survey, topic or echoes, not %s", t->from);
+    if (!err)
+        err = take_name(l, "wall.prior", t->prior, priors, &prior, why);
     l->wall.from = (enum wall_from)k;
-    l->wall.vertical = !strcmp(prior, "vertical");
-    if (!l->wall.vertical && strcmp(prior, "none") != 0)
-        return yaml_error_say(why, -EINVAL, l->path, "wall.prior",
-                              "expected vertical or none, not %s", prior);
-    return 0;
+    l->wall.vertical = prior == 0;
+    return err;
 }
 
-static int copy_wall_numbers(struct launchfile *l, const struct launch_text_wall *t,
+static int copy_wall_numbers(struct launchfile *l, const struct launch_text *t,
                              struct error *why)
 {
-    struct wall_finder_config d;
-    wall_finder_config_default(&d);
-    const struct {
-        const char *key;
-        const double *text;
-        double *value, otherwise, min, max;
-    } numbers[] = {
-        {"wall.vertical_deg", t->vertical_deg, &l->wall.vertical_deg,
-         d.map.vertical_rad * 180.0 / M_PI, 0.1, 20.0},
-        {"wall.reach_m", t->reach_m, &l->wall.reach_m, d.listener.reach_m, 0.3, 20.0},
-        {"wall.every_s", t->every_s, &l->wall.every_s, d.listener.every_s, 0.05, 60.0},
-        {"wall.lost_s", t->lost_s, &l->wall.lost_s, d.map.lost_s, 0.1, 600.0},
+    const struct number numbers[] = {
+        REAL_IN(wall, vertical_deg, 0.1, 20.0),
+        REAL_IN(wall, reach_m, 0.3, 20.0),
+        REAL_IN(wall, every_s, 0.05, 60.0),
+        REAL_IN(wall, lost_s, 0.1, 600.0),
     };
+    struct wall_finder_config d;
 
-    for (size_t i = 0; i < COUNT(numbers); i++) {
-        double value = numbers[i].text ? *numbers[i].text : numbers[i].otherwise;
-        int err = yaml_check_range(l->path, numbers[i].key, value, numbers[i].min,
-                                   numbers[i].max, why);
-        if (err)
-            return err;
-        *numbers[i].value = value;
-    }
-    return 0;
+    wall_finder_config_default(&d);
+    l->wall.vertical_deg = d.map.vertical_rad * 180.0 / M_PI;
+    l->wall.reach_m = d.listener.reach_m;
+    l->wall.every_s = d.listener.every_s;
+    l->wall.lost_s = d.map.lost_s;
+    return take_numbers(l, numbers, COUNT(numbers), why);
 }
 
 static int copy_free_view(struct launchfile *l, const struct launch_text_wall *t,
@@ -1021,7 +1013,7 @@ static int copy_wall(struct launchfile *l, const struct launch_text *t, struct e
     int err = copy_wall_names(l, &t->wall, why);
 
     if (!err)
-        err = copy_wall_numbers(l, &t->wall, why);
+        err = copy_wall_numbers(l, t, why);
     return err ? err : copy_free_view(l, &t->wall, why);
 }
 
@@ -1030,14 +1022,21 @@ static int copy_wall(struct launchfile *l, const struct launch_text *t, struct e
 #define FIRST_BASE 0x100 /* msgs/can/e2e.h: bits 8 to 11 of a data ID are not 0 */
 #define LAST_BASE  0x7f0 /* of identifiers of 11 bits */
 
-static int check_can(const struct launchfile *l, struct error *why)
+static int copy_can_numbers(struct launchfile *l, const struct launch_text *t,
+                            struct error *why)
 {
-    const struct limit numbers[] = {
-        {"can.sensor", l->can.sensor, 0,
-         l->can.base_id < LAST_BASE ? (LAST_BASE - l->can.base_id) / CAN_SENSOR_STEP : 0},
-        {"can.bitrate", l->can.bitrate, 10e3, 1e6},
-        {"can.data_bitrate", l->can.data_bitrate, 10e3, 8e6},
-        {"can.load", l->can.load, 0.01, 1},
+    l->can.base_id = unsigned_or(t->can.base_id, CAN_BASE_DEFAULT);
+    l->can.bitrate = 500000;
+    l->can.data_bitrate = 2000000;
+    l->can.load = 0.5;
+    const struct number numbers[] = {
+        WHOLE_IN(can, sensor, 0,
+                 l->can.base_id < LAST_BASE
+                     ? (LAST_BASE - l->can.base_id) / CAN_SENSOR_STEP
+                     : 0),
+        WHOLE_IN(can, bitrate, 10e3, 1e6),
+        WHOLE_IN(can, data_bitrate, 10e3, 8e6),
+        REAL_IN(can, load, 0.01, 1),
     };
 
     if (l->can.base_id < FIRST_BASE || l->can.base_id > LAST_BASE)
@@ -1047,7 +1046,7 @@ static int check_can(const struct launchfile *l, struct error *why)
             l->can.base_id < FIRST_BASE ? ": below, frames of 8 bytes cannot have their "
                                           "end-to-end protection"
                                         : "");
-    return check_limits(l, numbers, COUNT(numbers), why);
+    return take_numbers(l, numbers, COUNT(numbers), why);
 }
 
 #define LAST_ID 0x1fffffff
@@ -1115,18 +1114,13 @@ static int copy_diagnosis(struct launchfile *l, const struct launch_text *t,
 /* Fills in l->can; paths are as they are written.  0, -EINVAL, -ENOMEM. */
 static int copy_can(struct launchfile *l, const struct launch_text *t, struct error *why)
 {
-    l->can.base_id = unsigned_or(t->can.base_id, CAN_BASE_DEFAULT);
-    l->can.sensor = unsigned_or(t->can.sensor, 0);
     l->can.fd = t->can.fd && *t->can.fd;
     l->can.motion = t->can.motion && *t->can.motion;
     l->can.field_of_view = t->can.field_of_view && *t->can.field_of_view;
-    l->can.bitrate = unsigned_or(t->can.bitrate, 500000);
-    l->can.data_bitrate = unsigned_or(t->can.data_bitrate, 2000000);
-    l->can.load = t->can.load ? *t->can.load : 0.5;
     l->can.uri = strdup(t->can.uri ? t->can.uri : "log:can.candump");
     if (!l->can.uri)
         return -ENOMEM;
-    int err = check_can(l, why);
+    int err = copy_can_numbers(l, t, why);
     return err ? err : copy_diagnosis(l, t, why);
 }
 
@@ -1358,14 +1352,15 @@ static int copy_processes(struct launchfile *l, const struct launch_text *t,
 {
     static const char *const names[] = {[REALTIME_AUTO] = "auto",
                                         [REALTIME_OFF] = "off",
-                                        [REALTIME_REQUIRED] = "required"};
-    const char *name = t->processes.realtime ? t->processes.realtime : "auto";
+                                        [REALTIME_REQUIRED] = "required",
+                                        NULL};
     double alive_s = double_or(t->processes.alive_s, 3.0);
-    size_t mode = find_name(names, COUNT(names), name);
+    size_t mode = REALTIME_AUTO;
+    int err =
+        take_name(l, "processes.realtime", t->processes.realtime, names, &mode, why);
 
-    if (mode == COUNT(names))
-        return yaml_error_say(why, -EINVAL, l->path, "processes.realtime",
-                              "expected auto, off or required, not %s", name);
+    if (err)
+        return err;
     if (alive_s != 0.0 && !(alive_s >= 2.0 && alive_s <= 3600.0))
         return yaml_error_say(
             why, -EINVAL, l->path, "processes.alive_s",
@@ -1383,18 +1378,13 @@ static int copy_processes(struct launchfile *l, const struct launch_text *t,
  * alike (recon/detection/detection_range.h). */
 #define PERSON_M 0.05
 
-/* Everything but the list of nodes, with defaults, and paths as they are written. */
+/* What is of no section above, with defaults, and paths as they are written. */
 static int copy_parts(struct launchfile *l, const struct launch_text *t,
                       const struct launchfile_options *options)
 {
     l->array.uri = copy_text(t->array.uri, "");
-    l->array.person_m = double_or(t->array.person_m, PERSON_M);
     l->stage.uri = copy_text(t->stage.uri, "sim:");
-    l->scan.window = unsigned_or(t->scan.window, 32);
-    l->scan.retries = unsigned_or(t->scan.retries, 3);
-    l->scan.timeout_s = double_or(t->scan.timeout_s, 5.0);
     l->recon.method = copy_text(t->recon.method, "fast");
-    l->recon.threads = unsigned_or(t->recon.threads, 0);
     l->recon.preview = !t->recon.preview || *t->recon.preview;
     l->report.folder =
         copy_text(options && options->out ? options->out : t->report.folder, "out");
@@ -1432,19 +1422,25 @@ static int resolve_paths(struct launchfile *l, const struct launchfile_options *
     return err;
 }
 
-static int check_numbers(const struct launchfile *l, struct error *why)
+/* Those of the array, the scan and the images. */
+static int copy_numbers(struct launchfile *l, const struct launch_text *t,
+                        struct error *why)
 {
-    const struct limit numbers[] = {
-        {"scan.window", l->scan.window, 1, 4096},
-        {"scan.retries", l->scan.retries, 0, 100},
-        {"scan.timeout_s", l->scan.timeout_s, 0.1, 600},
-        {"recon.threads", l->recon.threads, 0, 256},
+    const struct number numbers[] = {
+        WHOLE_IN(scan, window, 1, 4096),
+        WHOLE_IN(scan, retries, 0, 100),
+        REAL_IN(scan, timeout_s, 0.1, 600),
+        WHOLE_IN(recon, threads, 0, 256),
     };
 
+    l->array.person_m = double_or(t->array.person_m, PERSON_M);
+    l->scan.window = 32;
+    l->scan.retries = 3;
+    l->scan.timeout_s = 5.0;
     if (!(l->array.person_m >= 1e-3 && l->array.person_m <= 10.0))
         return yaml_error_say(why, -EINVAL, l->path, "array.person_m",
                               "%g is outside 0.001..10", l->array.person_m);
-    return check_limits(l, numbers, COUNT(numbers), why);
+    return take_numbers(l, numbers, COUNT(numbers), why);
 }
 
 static int check(const struct launchfile *l, struct error *why)
@@ -1459,7 +1455,7 @@ static int check(const struct launchfile *l, struct error *why)
             "%s is not one of the methods, e.g. fast or backprojection%s",
             l->recon.method, nearest_hint(hint, l->recon.method, imager_methods()));
     }
-    return check_numbers(l, why);
+    return 0;
 }
 
 static int fill(struct launchfile *l, const struct launch_text *text,
@@ -1491,6 +1487,8 @@ static int fill(struct launchfile *l, const struct launch_text *text,
         err = copy_parts(l, text, options);
     if (!err)
         err = check(l, why);
+    if (!err)
+        err = copy_numbers(l, text, why);
     if (!err)
         err = copy_frames(l, text, why);
     if (!err)
