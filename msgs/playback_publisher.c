@@ -7,6 +7,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "dsp/list.h"
 #include "msgs/endpoint.h"
 #include "msgs/publisher.h"
 #include "msgs/remote.h"
@@ -28,7 +29,7 @@ struct playback_publisher {
     int64_t epoch_ns;
     struct place *places; /* [n_places] */
     struct part *parts;   /* [n_parts] */
-    size_t n_places, n_parts;
+    size_t n_places, places_room, n_parts, parts_room;
 };
 
 int playback_publisher_create(struct playback_publisher **out, const char *run_dir,
@@ -67,11 +68,9 @@ static int take_place(struct playback_publisher *s, const char *node, struct err
     for (size_t i = 0; i < s->n_places; i++)
         if (!strcmp(s->places[i].node, node))
             return (int)i;
-    struct place *grown = realloc(s->places, (s->n_places + 1) * sizeof *grown);
-    if (!grown)
+    if (list_grow(&s->places, s->n_places, &s->places_room, sizeof *s->places))
         return error_say(why, -ENOMEM, "out of memory");
-    s->places = grown;
-    struct place *p = &grown[s->n_places];
+    struct place *p = &s->places[s->n_places];
     snprintf(p->node, sizeof p->node, "%s", node);
     p->lock_fd = endpoint_lock(s->run_dir, node, true, why);
     return p->lock_fd < 0 ? p->lock_fd : (int)s->n_places++;
@@ -90,11 +89,9 @@ int playback_publisher_add(struct playback_publisher *s, const char *node,
     int place = take_place(s, node, why);
     if (place < 0)
         return place;
-    struct part *grown = realloc(s->parts, (s->n_parts + 1) * sizeof *grown);
-    if (!grown)
+    if (list_grow(&s->parts, s->n_parts, &s->parts_room, sizeof *s->parts))
         return error_say(why, -ENOMEM, "out of memory");
-    s->parts = grown;
-    struct part *p = &grown[s->n_parts];
+    struct part *p = &s->parts[s->n_parts];
     p->place = (size_t)place;
     int err = publisher_create(&p->publisher, &cfg, s->remote, s->reliable, t, why);
     if (!err) {

@@ -9,6 +9,7 @@
 #include <sys/eventfd.h>
 #include <unistd.h>
 
+#include "dsp/list.h"
 #include "msgs/monotonic.h"
 
 #define REPLAYED_BYTES ((size_t)64 << 20)
@@ -40,7 +41,7 @@ struct receive_queue {
     size_t waiting_bytes;
     size_t keep_bytes; /* 0: queues as their topics say */
     uint64_t arrivals;
-    size_t n_queues;
+    size_t n_queues, room;
     struct queue *queues; /* [n_queues] */
 };
 
@@ -70,16 +71,15 @@ int receive_queue_add(struct receive_queue *m, const struct topic *t, size_t *sl
     if (!q.ring)
         return -ENOMEM;
     pthread_mutex_lock(&m->lock);
-    struct queue *queues = realloc(m->queues, (m->n_queues + 1) * sizeof *queues);
-    if (queues) {
-        m->queues = queues;
+    int err = list_grow(&m->queues, m->n_queues, &m->room, sizeof *m->queues);
+    if (!err) {
         *slot = m->n_queues++;
-        queues[*slot] = q;
+        m->queues[*slot] = q;
     }
     pthread_mutex_unlock(&m->lock);
-    if (!queues)
+    if (err)
         free(q.ring);
-    return queues ? 0 : -ENOMEM;
+    return err;
 }
 
 void receive_queue_keep_all(struct receive_queue *m, size_t bytes)

@@ -6,6 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "dsp/list.h"
+
 struct span {
     uint64_t offset, length;
 };
@@ -89,13 +91,8 @@ static void widen(struct bag_block *block, uint64_t log_time, bool first)
 /* 0, -ENOMEM. */
 static int bag_catalog_add_block(struct bag_catalog *c, const struct bag_block *block)
 {
-    if (!(c->n_blocks & (c->n_blocks - 1))) {
-        size_t room = c->n_blocks ? 2 * c->n_blocks : 1;
-        struct bag_block *grown = realloc(c->blocks, room * sizeof *grown);
-        if (!grown)
-            return -ENOMEM;
-        c->blocks = grown;
-    }
+    if (list_grow(&c->blocks, c->n_blocks, &c->blocks_room, sizeof *c->blocks))
+        return -ENOMEM;
     c->blocks[c->n_blocks++] = *block;
     return 0;
 }

@@ -34,7 +34,7 @@ struct bag_catalog {
     struct bag_kept *chunks; /* their index records, when not scanned */
     size_t n_chunks;
     struct bag_block *blocks; /* [n_blocks] by start_time, then offset */
-    size_t n_blocks;
+    size_t n_blocks, blocks_room;
     uint64_t n_messages, start_time, end_time; /* log times; 0 without messages */
     uint64_t counts[1 << 16];                  /* messages of each channel id */
 };

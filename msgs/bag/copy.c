@@ -28,7 +28,7 @@ struct pieces {
 struct bag_copy {
     struct bag_writer *writer;
     struct source **sources; /* [n_sources] */
-    size_t n_sources;
+    size_t n_sources, room;
     struct pieces schemas, channels, rest;
 };
 
@@ -45,12 +45,8 @@ int bag_copy_create(struct bag_copy **out, struct bag_writer *to)
 
 int bag_copy_add(struct bag_copy *c, const struct bag_catalog *from)
 {
-    struct source **grown =
-        realloc(c->sources, (c->n_sources + 1) * sizeof(struct source *));
-
-    if (!grown)
+    if (list_grow(&c->sources, c->n_sources, &c->room, sizeof(struct source *)))
         return -ENOMEM;
-    c->sources = grown;
     struct source *s = calloc(1, sizeof *s);
     if (!s)
         return -ENOMEM;

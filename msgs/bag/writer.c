@@ -10,6 +10,7 @@
 #include <unistd.h>
 
 #include "dsp/error.h"
+#include "dsp/list.h"
 #include "msgs/bag/bytes.h"
 #include "msgs/bag/file.h"
 #include "msgs/bag/record.h"
@@ -28,7 +29,7 @@ struct bag_definition {
 };
 
 struct bag_definitions {
-    size_t n_schemas, n_channels;
+    size_t n_schemas, schemas_room, n_channels, channels_room;
     struct bag_definition *schemas; /* [n_schemas]; id - 1 */
     struct bag_defined_channel {
         struct bag_definition definition;
@@ -88,15 +89,12 @@ static int bag_definitions_schema(struct bag_definitions *d,
 
     if (d->n_schemas == UINT16_MAX)
         return -EINVAL;
-    struct bag_definition *grown =
-        realloc(d->schemas, (d->n_schemas + 1) * sizeof *grown);
-    if (!grown)
+    if (list_grow(&d->schemas, d->n_schemas, &d->schemas_room, sizeof *d->schemas))
         return -ENOMEM;
-    d->schemas = grown;
     r.schema.id = (uint16_t)(d->n_schemas + 1);
     if (put_record(&bytes, &r))
         return -ENOMEM;
-    grown[d->n_schemas++] = (struct bag_definition){.record = bytes};
+    d->schemas[d->n_schemas++] = (struct bag_definition){.record = bytes};
     *id = r.schema.id;
     return 0;
 }
@@ -109,16 +107,13 @@ static int bag_definitions_channel(struct bag_definitions *d,
 
     if (d->n_channels == UINT16_MAX || channel->schema_id > d->n_schemas)
         return -EINVAL;
-    struct bag_defined_channel *grown =
-        realloc(d->channels, (d->n_channels + 1) * sizeof *grown);
-    if (!grown)
+    if (list_grow(&d->channels, d->n_channels, &d->channels_room, sizeof *d->channels))
         return -ENOMEM;
-    d->channels = grown;
     r.channel.id = (uint16_t)(d->n_channels + 1);
     if (put_record(&bytes, &r))
         return -ENOMEM;
-    grown[d->n_channels++] = (struct bag_defined_channel){.schema_id = channel->schema_id,
-                                                          .definition.record = bytes};
+    d->channels[d->n_channels++] = (struct bag_defined_channel){
+        .schema_id = channel->schema_id, .definition.record = bytes};
     *id = r.channel.id;
     return 0;
 }

@@ -8,6 +8,8 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "dsp/list.h"
+
 #define MAX_RECORDINGS 10000 /* of one name, FILE-2.mcap and so on */
 
 /* Where the ending starts: "a.b/c" has none. */
@@ -98,12 +100,9 @@ const char *parts_begin(struct parts *p, char path[PATH_MAX])
 
 int parts_end(struct parts *p, uint64_t bytes)
 {
-    struct part *grown = realloc(p->closed, (p->n_closed + 1) * sizeof *grown);
-
-    if (!grown)
+    if (list_grow(&p->closed, p->n_closed, &p->room, sizeof *p->closed))
         return -ENOMEM;
-    p->closed = grown;
-    grown[p->n_closed++] = (struct part){p->n, bytes};
+    p->closed[p->n_closed++] = (struct part){p->n, bytes};
     return 0;
 }
 

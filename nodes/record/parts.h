@@ -20,6 +20,7 @@ struct parts {
         uint64_t bytes;
     } * closed; /* [n_closed], the oldest first */
     unsigned n_closed;
+    size_t room;
     unsigned n_removed;
     uint64_t removed_bytes;
 };

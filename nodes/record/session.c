@@ -14,6 +14,7 @@
 #include <unistd.h>
 
 #include "dsp/error.h"
+#include "dsp/list.h"
 #include "hal/text_file.h"
 #include "msgs/bag/manifest.h"
 #include "nodes/record/revision.h"
@@ -86,12 +87,9 @@ static const char *media_type(const char *name)
 /* Takes data over in any case. */
 static int add(struct attachments *c, const char *name, uint8_t *data, size_t size)
 {
-    struct attachments_item *grown = realloc(c->items, (c->n + 1) * sizeof *grown);
     char *copy = strdup(name);
 
-    if (grown)
-        c->items = grown;
-    if (!grown || !copy) {
+    if (!copy || list_grow(&c->items, c->n, &c->room, sizeof *c->items)) {
         free(copy);
         free(data);
         return -ENOMEM;

@@ -39,7 +39,7 @@ struct attachments { /* starts as {0} */
         uint8_t *data; /* [size] */
         size_t size;
     } * items; /* [n] */
-    size_t n;
+    size_t n, room;
 };
 
 /* Reads a file, which the attachment `name` will be.  0, -ENOENT and other errno,

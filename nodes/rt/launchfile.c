@@ -436,16 +436,6 @@ bool launchfile_keeps_pace(const struct launchfile *l)
     return l->scan.fixed && !fast && !launchfile_has_node(l, "play");
 }
 
-/* A path of the file is relative to its folder.  On the heap; NULL: no memory. */
-static char *path_beside(const struct launchfile *l, const char *path)
-{
-    const char *slash = strrchr(l->path, '/');
-    int folder = slash && path[0] != '/' ? (int)(slash - l->path) + 1 : 0;
-    char *out = NULL;
-
-    return asprintf(&out, "%.*s%s", folder, l->path, path) < 0 ? NULL : out;
-}
-
 /* -- nodes --------------------------------------------------------------------------- */
 
 /* Whoever may publish is a node, but for the launcher, which reads this. */
@@ -572,7 +562,7 @@ static int check_endpoint(const struct launchfile *l, const struct host *h,
  * is no current folder. */
 static char *whole_path(const struct launchfile *l, const char *path)
 {
-    char *beside = path_beside(l, path), *out = NULL;
+    char *beside = yaml_sibling(l->path, path), *out = NULL;
     char *folder = beside && beside[0] != '/' ? realpath(".", NULL) : NULL;
 
     if (beside && beside[0] == '/')
@@ -1152,7 +1142,7 @@ static int copy_view(struct launchfile *l, const struct launch_text *t, struct e
     l->view.port = port;
     l->view.save = t->view.save && *t->view.save;
     l->view.address = strdup(t->view.address ? t->view.address : "127.0.0.1");
-    l->view.bag = t->view.bag ? path_beside(l, t->view.bag) : NULL;
+    l->view.bag = t->view.bag ? yaml_sibling(l->path, t->view.bag) : NULL;
     return l->view.address && (l->view.bag || !t->view.bag) ? 0 : -ENOMEM;
 }
 
@@ -1281,7 +1271,7 @@ static char *play_bag(const struct launchfile *l, const char *in_file,
 {
     if (options && options->bag)
         return strdup(options->bag);
-    return in_file ? path_beside(l, in_file) : strdup("");
+    return in_file ? yaml_sibling(l->path, in_file) : strdup("");
 }
 
 static int copy_play_texts(struct launchfile *l, const struct launch_text_play *t,

@@ -9,6 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "dsp/list.h"
 #include "nodes/rt/export.h"
 #include "nodes/rt/log.h"
 
@@ -39,16 +40,14 @@ static bool is_time(double at_s)
 /* Room for one more, at its place. */
 static int insert(struct bookmarks *b, double at_s, const char *name)
 {
-    struct bookmark *grown = realloc(b->list, (b->n + 1) * sizeof *grown);
     size_t i = b->n;
 
-    if (!grown)
+    if (list_grow(&b->list, b->n, &b->room, sizeof *b->list))
         return -ENOMEM;
-    b->list = grown;
-    for (; i && grown[i - 1].at_s > at_s; i--)
-        grown[i] = grown[i - 1];
-    grown[i].at_s = at_s;
-    snprintf(grown[i].name, sizeof grown[i].name, "%s", name);
+    for (; i && b->list[i - 1].at_s > at_s; i--)
+        b->list[i] = b->list[i - 1];
+    b->list[i].at_s = at_s;
+    snprintf(b->list[i].name, sizeof b->list[i].name, "%s", name);
     b->n++;
     return 0;
 }

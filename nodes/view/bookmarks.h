@@ -21,7 +21,7 @@ struct bookmark {
 struct bookmarks { /* starts as {0} */
     char *path;
     struct bookmark *list; /* [n], in the order of their times */
-    size_t n;
+    size_t n, room;
 };
 
 /* What there is for that bag; no file is no bookmark.  0, -EINVAL (a line that is none:

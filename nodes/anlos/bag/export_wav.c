@@ -52,7 +52,7 @@ struct facts {
     struct fact *list; /* [n] */
     size_t n, room;
     Anlos__Survey **surveys; /* [n_surveys], of different ids */
-    size_t n_surveys;
+    size_t n_surveys, surveys_room;
     uint64_t newest_id; /* of what does not say of which survey it is */
 };
 
@@ -60,25 +60,19 @@ static int add_survey(struct facts *f, Anlos__Survey *survey)
 {
     survey_complete_id(survey);
     f->newest_id = survey->id;
-    for (size_t i = 0; i < f->n_surveys; i++) {
-        if (f->surveys[i]->id == survey->id) {
-            anlos__survey__free_unpacked(survey, NULL);
-            return 0;
-        }
-    }
-    if (f->n_surveys == MOST_SURVEYS) {
+    size_t i = 0;
+    while (i < f->n_surveys && f->surveys[i]->id != survey->id)
+        i++;
+    bool is_new = i == f->n_surveys;
+    int err = !is_new ? 0
+              : i == MOST_SURVEYS
+                  ? -EFBIG
+                  : list_grow(&f->surveys, i, &f->surveys_room, sizeof(Anlos__Survey *));
+    if (is_new && !err)
+        f->surveys[f->n_surveys++] = survey;
+    else
         anlos__survey__free_unpacked(survey, NULL);
-        return -EFBIG;
-    }
-    Anlos__Survey **grown =
-        realloc(f->surveys, (f->n_surveys + 1) * sizeof(Anlos__Survey *));
-    if (!grown) {
-        anlos__survey__free_unpacked(survey, NULL);
-        return -ENOMEM;
-    }
-    f->surveys = grown;
-    f->surveys[f->n_surveys++] = survey;
-    return 0;
+    return err;
 }
 
 static int add_ping(struct facts *f, const Anlos__Ping *p, uint64_t number)

@@ -33,7 +33,7 @@ struct row {
 
 struct merge {
     struct version *versions;
-    size_t n_versions;
+    size_t n_versions, versions_room;
     struct row *rows; /* in the order of jobs, then of versions */
     size_t n_rows, room;
     size_t n_missing;
@@ -65,11 +65,8 @@ static int find_version(struct merge *m, const char *folder, const json_t *line,
         if (m->versions[*out].folder == folder &&
             !strcmp(m->versions[*out].program, program))
             return 0;
-    struct version *grown =
-        realloc(m->versions, (m->n_versions + 1) * sizeof *m->versions);
-    if (!grown)
+    if (list_grow(&m->versions, m->n_versions, &m->versions_room, sizeof *m->versions))
         return out_of_memory(why);
-    m->versions = grown;
     struct version *v = &m->versions[m->n_versions++];
     *v = (struct version){.folder = folder};
     snprintf(v->program, sizeof v->program, "%s", program);
