@@ -14,6 +14,8 @@
 #define CAR_FITS     0.6
 #define BICYCLE_FITS 0.3
 #define FITS_MOST    3.0
+#define FITS_WELL    3.2  /* as 4 of 5 do (chi-squared, 2 degrees of freedom), */
+#define FITS_BADLY   17.0 /* and what is worse tells no more */
 
 /* From the middle to where the spot stays while the body comes near, or goes away; the
  * cosine between way and sight at which it is 0.7 as far: a flank is not quite flat; and
@@ -96,24 +98,35 @@ static void begin(struct track *k, int as)
     }
 }
 
+/* By how much one look fits worse than what is so does.  (The spot of a car wanders more
+ * than that of a bicycle: what fits well as both is nearer to a car's by the covariance
+ * of each, and likelier a bicycle by its norm.  Neither tells which it is.) */
+static double misfit(const struct track *k, int as, const struct track_position *heard,
+                     double doubt)
+{
+    struct track_position p = middle_of(k, as, heard, k->body.sight, 1.0);
+
+    track_position_doubt(&p, doubt);
+    double distance2 = track_filter_match(&k->passing.as[as], &p).distance2;
+    return fmin(fmax(distance2, FITS_WELL), FITS_BADLY) - FITS_WELL;
+}
+
 /* The strongest of what is the track's own: what is heard of it besides, a wheel or the
- * far corner, is not where its surface faces the array.  Returns how well it fitted. */
-static double take_strongest(const struct tracker *t, struct track *k, int as,
-                             double fresh, double doubt)
+ * far corner, is not where its surface faces the array. */
+static void take_strongest(const struct tracker *t, struct track *k, int as, double fresh,
+                           double doubt)
 {
     struct track_filter *f = &k->passing.as[as];
     struct track_position p =
         middle_of(k, as, &t->positions[k->detection], k->body.sight, fresh);
 
     track_position_doubt(&p, doubt);
-    double distance2 = track_filter_match(f, &p).distance2;
-    if (distance2 < t->cfg.gate2) {
+    if (track_filter_match(f, &p).distance2 < t->cfg.gate2) {
         track_filter_update(f, &p);
         k->passing.unfit[as] = 0.0;
     } else {
         k->passing.unfit[as] += fresh;
     }
-    return fmin(distance2, t->cfg.gate2);
 }
 
 void track_passing_predict(struct track *k, double dt_s, double psd_m2_s3,
@@ -141,18 +154,20 @@ struct track_match track_passing_match(const struct tracker *t, const struct tra
 void track_passing_update(const struct tracker *t, const struct track_scan *scan,
                           struct track *k, double fresh, double doubt)
 {
-    double distance2[TRACK_PASSING] = {0.0}, *fits = &k->passing.fits_car;
+    double worse[TRACK_PASSING] = {0.0}, *fits = &k->passing.fits_car;
     bool passes = (k->outline.fast || k->outline.car) &&
                   hypot(k->body.sight[0], k->body.sight[1]) > 0.5; /* it is known */
 
     for (int as = 0; passes && as < TRACK_PASSING; as++) {
-        if (k->passing.begun)
-            distance2[as] = take_strongest(t, k, as, fresh, doubt);
+        if (k->passing.begun) {
+            worse[as] = misfit(k, as, &t->positions[k->detection], doubt);
+            take_strongest(t, k, as, fresh, doubt);
+        }
         if (!k->passing.begun || k->passing.unfit[as] > UNFIT_LOOKS)
             begin(k, as);
     }
     if (!scan->standing_left)
-        *fits += 0.5 * fresh * (distance2[TRACK_AS_BICYCLE] - distance2[TRACK_AS_CAR]);
+        *fits += 0.5 * fresh * (worse[TRACK_AS_BICYCLE] - worse[TRACK_AS_CAR]);
     *fits = fmin(fmax(*fits, -FITS_MOST), FITS_MOST);
     k->passing.begun = passes;
 }

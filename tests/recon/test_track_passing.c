@@ -141,6 +141,25 @@ static void a_car_is_known_by_the_spot_that_runs_along_it(void **state)
     }
 }
 
+/* What is heard of him is a third of a meter before his middle or behind it, in turn: as
+ * one in two is of what is stated of a bicycle.  A car's is stated to wander farther, so
+ * that all of it is nearer to that. */
+static void a_cyclist_who_is_heard_as_one_is_no_car(void **state)
+{
+    struct track_rig *r = *state;
+    int k = 0;
+
+    for (double y = -5.0; y < 0.0; y += 3.0 * FRAME_S, k++) {
+        hear(r, FLANK_M, y + (k / 4 % 2 ? 0.35 : -0.35), 1.0);
+        track_rig_step(r);
+        if (y < -4.0)
+            continue;
+        assert_int_equal(r->n, 1);
+        assert_true(r->reports[0].extent_m[0] < 1.5);
+        assert_near(r->reports[0].position_m[1], y, 0.6);
+    }
+}
+
 /* As wide as a car, by what he carries; but nothing runs along him. */
 static void a_cyclist_with_a_ladder_is_known_as_one_when_he_has_passed(void **state)
 {
@@ -355,6 +374,7 @@ int main(void)
         cmocka_unit_test(the_spot_is_where_the_body_faces_the_array),
         cmocka_unit_test(a_runner_is_heard_in_his_middle),
         TEST(a_car_is_known_by_the_spot_that_runs_along_it),
+        TEST(a_cyclist_who_is_heard_as_one_is_no_car),
         TEST(a_cyclist_with_a_ladder_is_known_as_one_when_he_has_passed),
         TEST(who_rides_behind_an_edge_has_gone_on),
         TEST(what_comes_out_is_as_fast_from_the_beginning),
