@@ -11,7 +11,7 @@
 #define UNFIT_LOOKS 2.0  /* by then it is begun anew from what is heard */
 
 /* Logarithms of how much better it fits as the one than as the other, and at most. */
-#define CAR_FITS     0.6
+#define CAR_FITS     1.0
 #define BICYCLE_FITS 0.3
 #define FITS_MOST    3.0
 #define FITS_WELL    3.2  /* as 4 of 5 do (chi-squared, 2 degrees of freedom), */
