@@ -20,6 +20,7 @@
 #define MOST_SPREAD  0.4 /* of odds to either side in one go */
 #define AGE_S        1.0
 #define NOW_S        0.1    /* powers of a few pings, of which one may be anything */
+#define HOLE_SHARE   0.32f  /* of what is heard is doubted: -5 dB */
 #define LEAST_LATELY 0.18f  /* after 2 of 10 s: before, who comes is all there was */
 #define MOST_SIDE    0.16   /* of a source, where it is as far away for most... */
 #define FEW_SIDE     0.016  /* ...or for few of the elements */
@@ -57,14 +58,20 @@ struct sight_of_block {        /* from the array */
     double range_m, toward[3]; /* unit */
 };
 
+/* Means of NOW_S and OCCUPANCY_LATELY_S. */
+struct brightness {
+    float now, lately;             /* over what is around, which who passes raises, */
+    float now_power, lately_power; /* and as it is */
+};
+
 struct occupancy {
     struct grid blocks;
     size_t n, n_rings;
-    float *odds, *spread; /* [n] */
-    float *power;         /* [n] over the median of noise... */
-    float *now, *lately;  /* [n] ...and its means, of NOW_S and OCCUPANCY_LATELY_S */
+    float *odds, *spread;      /* [n] */
+    float *power;              /* [n] over the median of noise... */
+    struct brightness *bright; /* [n] */
     float now_of,
-        lately_of; /* what these are of: less than 1 before so long has passed */
+        lately_of; /* what its means are of: less than 1 before so long has passed */
     bool *held;    /* [n] */
     struct cfar_map *map;
     size_t *order, *ring_of; /* [n]: blocks by rings, and whose ring */
@@ -164,16 +171,14 @@ int occupancy_create(struct occupancy **out, const struct grid *blocks,
     o->odds = calloc(o->n, sizeof *o->odds);
     o->spread = calloc(o->n, sizeof *o->spread);
     o->power = calloc(o->n, sizeof *o->power);
-    o->now = calloc(o->n, sizeof *o->now);
-    o->lately = calloc(o->n, sizeof *o->lately);
+    o->bright = calloc(o->n, sizeof *o->bright);
     o->held = calloc(o->n, sizeof *o->held);
     o->order = calloc(o->n, sizeof *o->order);
     o->ring_of = calloc(o->n, sizeof *o->ring_of);
     o->sorted = calloc(o->n, sizeof *o->sorted);
     int err = cfar_map_create(&o->map, o->n);
-    if (!err &&
-        (!o->odds || !o->spread || !o->power || !o->now || !o->lately || !o->held ||
-         !o->order || !o->ring_of || !o->sorted || !o->beside || !o->sights))
+    if (!err && (!o->odds || !o->spread || !o->power || !o->bright || !o->held ||
+                 !o->order || !o->ring_of || !o->sorted || !o->beside || !o->sights))
         err = -ENOMEM;
     if (!err) {
         look_from_array(o);
@@ -195,8 +200,7 @@ void occupancy_destroy(struct occupancy *o)
     free(o->odds);
     free(o->spread);
     free(o->power);
-    free(o->now);
-    free(o->lately);
+    free(o->bright);
     free(o->held);
     free(o->order);
     free(o->ring_of);
@@ -213,8 +217,7 @@ void occupancy_destroy(struct occupancy *o)
 void occupancy_reset(struct occupancy *o)
 {
     memset(o->odds, 0, o->n * sizeof *o->odds);
-    memset(o->now, 0, o->n * sizeof *o->now);
-    memset(o->lately, 0, o->n * sizeof *o->lately);
+    memset(o->bright, 0, o->n * sizeof *o->bright);
     o->now_of = o->lately_of = 0.0f;
     cfar_map_reset(o->map);
     o->began = false;
@@ -445,8 +448,11 @@ void occupancy_step(struct occupancy *o, const float *power, int64_t stamp_ns)
                                         (1.0 + MAP_FACTOR * fmax(mostly, 0.0)));
         }
         o->odds[i] = (float)fmin(odds, MOST_ODDS);
-        o->now[i] += now_share * (o->power[i] - o->now[i]);
-        o->lately[i] += share * (o->power[i] - o->lately[i]);
+        struct brightness *b = &o->bright[i];
+        b->now += now_share * (o->power[i] - b->now);
+        b->lately += share * (o->power[i] - b->lately);
+        b->now_power += now_share * (power[i] - b->now_power);
+        b->lately_power += share * (power[i] - b->lately_power);
     }
     learn_shapes(o);
 }
@@ -500,20 +506,27 @@ double occupancy_near(const struct occupancy *o, const double at_m[3], double re
     return odds / (1.0 + odds);
 }
 
+/* By that of both which has it brighter: beside somebody bright nobody stands out, and
+ * what he has left where he was does once he is gone. */
 double occupancy_lately(const struct occupancy *o, const double at_m[3], double reach_m)
 {
-    float lately = 0.0f, now = 0.0f;
-    double p_m[3];
+    struct brightness most = {.now = 0.0f};
+    double share = (double)o->now_of / (double)fmaxf(o->lately_of, LEAST_LATELY), p_m[3];
 
     for (size_t i = 0; i < o->n; i++) {
+        const struct brightness *b = &o->bright[i];
         place(&o->blocks, i, p_m);
         if (geometry_distance(p_m, at_m) > reach_m)
             continue;
-        lately = fmaxf(lately, o->lately[i]);
-        now = fmaxf(now, o->now[i]);
+        most.now = fmaxf(most.now, b->now);
+        most.lately = fmaxf(most.lately, b->lately);
+        most.now_power = fmaxf(most.now_power, b->now_power);
+        most.lately_power = fmaxf(most.lately_power, b->lately_power);
     }
-    lately /= fmaxf(o->lately_of, LEAST_LATELY);
-    return now > 0.0f ? (double)(lately * o->now_of / now) : 0.0;
+    if (!(most.now > 0.0f && most.now_power > 0.0f))
+        return 0.0;
+    return share * (double)fmaxf(most.lately / most.now,
+                                 HOLE_SHARE * most.lately_power / most.now_power);
 }
 
 /* The likeliest block within apart_m; of equals the first. */

@@ -52,7 +52,8 @@ double occupancy_near(const struct occupancy *o, const double at_m[3], double re
 /* How bright it has been within reach_m of a place in the last LATELY_S, in the mean,
  * over how bright the pings of the last tenth of a second have it: who stood there may
  * leave no more than that of himself in a background, since he is as little of what that
- * is a mean of.  0: never. */
+ * is a mean of.  By what is around, which somebody bright raises, or less 5 dB as it is
+ * heard: whichever is more.  0: never. */
 #define OCCUPANCY_LATELY_S 10.0
 double occupancy_lately(const struct occupancy *o, const double at_m[3], double reach_m);
 

@@ -452,6 +452,31 @@ static void it_knows_how_bright_it_was_there_lately(void **state)
     assert_near(occupancy_lately(r->o, at_m, 0.2), mean, 0.01);
 }
 
+/* Who passes for a second is 100 times as bright as all that he raises, and that 100
+ * times as bright as it is afterwards; what he leaves, where he was, is 4 times as bright
+ * as that.  By what is around he was 100 and is 4; as he is heard he was 10,000. */
+static void what_who_was_bright_leaves_is_not_compared_by_what_he_raised(void **state)
+{
+    struct rig *r = *state;
+    const double at_m[3] = {0.0, 0.0, 3.0};
+
+    hear_noise(r, 400);
+    for (int k = 0; k < 62; k++) {
+        flat_image(r);
+        for (int i = 0; i < BLOCKS && k < 42; i++)
+            r->power[i] *= 100.0f;
+        show(r, at_m[0], at_m[2], k < 42 ? 100.0f : 4.0f);
+        step(r);
+    }
+    double ping_s = 1e-9 * PING_NS, all = 1.0 - exp(-462 * ping_s / OCCUPANCY_LATELY_S);
+    double passed = (1.0 - exp(-42 * ping_s / OCCUPANCY_LATELY_S)) *
+                    exp(-20 * ping_s / 10.0);
+    double is = 4.0 + 10000.0 * exp(-20 * ping_s / 0.1);
+    double lately = 10000.0 * passed / all / is;
+    assert_near(occupancy_lately(r->o, at_m, 0.2), pow(10.0, -0.5) * lately,
+                0.05 * lately);
+}
+
 /* One ping may be anything: of a mean of a tenth of a second it is a fifth. */
 static void one_ping_alone_is_not_what_is_there(void **state)
 {
@@ -582,6 +607,7 @@ int main(void)
         TEST(nobody_looks_like_him_at_another_range),
         TEST(what_some_elements_hear_there_is_cancelled_by_all_others),
         TEST(it_knows_how_bright_it_was_there_lately),
+        TEST(what_who_was_bright_leaves_is_not_compared_by_what_he_raised),
         TEST(one_ping_alone_is_not_what_is_there),
         TEST(what_is_not_newer_restarts_it),
         TEST(a_gap_of_a_second_is_none_and_a_longer_one_restarts_it),
