@@ -219,10 +219,10 @@ static int refuse_number(const struct usage *u, const struct usage_option *o)
                        o->expected ? o->expected : range);
 }
 
-/* 0, or an exit code. */
+/* 0, or an exit code.  What is not kept may have no place. */
 static int keep(const struct usage *u, const struct usage_option *o)
 {
-    char *to = (char *)u->into + o->at;
+    char *to = u->into ? (char *)u->into + o->at : NULL;
     const bool yes = true;
     double x;
     size_t n;
