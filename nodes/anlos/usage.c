@@ -299,7 +299,9 @@ int usage_next(struct usage *u, int argc, char **argv)
             o += code - FIRST;
         while (code < FIRST && o->letter != code)
             o++;
-        wrong = o->names && !o->list ? check_name(u, o) : keep(u, o);
+        wrong = o->names && !o->list ? check_name(u, o) : 0;
+        if (!wrong)
+            wrong = keep(u, o);
         if (!wrong && o->code)
             return o->code;
     }

@@ -71,6 +71,8 @@ struct kept {
     const char *out;
     bool json;
     size_t jobs;
+    const char *form, *folder;
+    double length_m, angle_deg;
 };
 
 static const char *shape(size_t i)
@@ -87,6 +89,11 @@ static const struct usage_option options[] = {
     {"base", USAGE_VALUE('b')},
     {"shape", USAGE_NAME('s', shape)},
     {"wait", USAGE_SWITCH('w')},
+    {"form", USAGE_TEXT(struct kept, form), .names = shape, .code = 'f'},
+    {"folder", USAGE_TEXT(struct kept, folder), .expected = "a folder"},
+    {"length-cm", USAGE_NUMBER(struct kept, length_m, USAGE_ABOVE_0, 100), .unit = 0.01,
+     .expected = "a length up to 100"},
+    {"angle-deg", USAGE_NUMBER(struct kept, angle_deg, -90, 90)},
     {.name = NULL},
 };
 
@@ -112,6 +119,28 @@ static void what_is_only_kept_goes_where_the_table_says(void **state)
     assert_string_equal(k.out, "b");
     assert_int_equal(optind, argc - 1);
     assert_string_equal(argv[optind], "word");
+}
+
+/* One of some names that is kept, and told besides; a number in another unit. */
+static void what_is_kept_may_be_a_name_or_a_number_and_have_a_code(void **state)
+{
+    char *argv[] = {(char *)"x",
+                    (char *)"--form=flat",
+                    (char *)"--length-cm=100",
+                    (char *)"--angle-deg=-90",
+                    (char *)"--folder=a",
+                    NULL};
+    struct kept k = {.jobs = 5};
+    struct usage u = {.command = "x", .options = options, .into = &k};
+    const int argc = sizeof argv / sizeof *argv - 1;
+
+    (void)state;
+    assert_int_equal(usage_next(&u, argc, argv), 'f');
+    assert_string_equal(k.form, "flat");
+    assert_int_equal(usage_next(&u, argc, argv), 0);
+    assert_true(k.length_m == 1.0);
+    assert_true(k.angle_deg == -90.0);
+    assert_string_equal(k.folder, "a");
 }
 
 static int read_options(int argc, char **argv)
@@ -141,6 +170,15 @@ static void a_wrong_option_ends_with_what_is_wrong_with_it(void **state)
         {"--shape=", "anlos x: --shape : expected round, square or flat\n"},
         {"--shape=sqaure", "anlos x: --shape sqaure: expected round, square or flat; did "
                            "you mean square?\n"},
+        {"--form=blue", "anlos x: --form blue: expected round, square or flat\n"},
+        {"--folder=", "anlos x: --folder: expected a folder\n"},
+        {"--length-cm=0", "anlos x: --length-cm 0: expected a length up to 100\n"},
+        {"--length-cm=101", "anlos x: --length-cm 101: expected a length up to 100\n"},
+        {"--length-cm=nan", "anlos x: --length-cm nan: expected a length up to 100\n"},
+        {"--length-cm=1m", "anlos x: --length-cm 1m: expected a length up to 100\n"},
+        {"--length-cm=", "anlos x: --length-cm : expected a length up to 100\n"},
+        {"--angle-deg=90.1",
+         "anlos x: --angle-deg 90.1: expected a number from -90 to 90\n"},
         {"--help=shpae", "anlos x: --help=shpae: there is no option --shpae\n"},
         {"--help=out", "anlos x: --help=out: --out has no list of values\n"},
         {"-w", "anlos x: -w: no such option\n"}, /* it has no short form */
@@ -392,6 +430,7 @@ int main(void)
         cmocka_unit_test(a_table_that_cannot_be_printed_is_a_failure),
         cmocka_unit_test(what_is_opened_is_never_a_standard_stream_that_was_closed),
         cmocka_unit_test(what_is_only_kept_goes_where_the_table_says),
+        cmocka_unit_test(what_is_kept_may_be_a_name_or_a_number_and_have_a_code),
         cmocka_unit_test(a_wrong_option_ends_with_what_is_wrong_with_it),
         cmocka_unit_test(a_value_that_is_one_of_some_is_taken_and_told),
         cmocka_unit_test(who_asks_is_told_what_a_value_may_be),
