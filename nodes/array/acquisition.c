@@ -28,8 +28,7 @@
 #define MOST_OFF_M     1e-3
 #define MOST_M         100.0 /* of a place or a speed in a command: no stage has more */
 
-/* -- what the survey was measured as, and is not any more
- * --------------------------------
+/* -- how the survey changes -------------------------------------------------------------
  */
 
 #define DIFFERS 0.0025 /* of the speed of sound: 1 cm at 4 m */

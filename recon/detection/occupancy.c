@@ -10,17 +10,19 @@
 #include "dsp/rank.h"
 #include "dsp/special.h"
 
-#define COMES_S      10.0  /* one comes in so long a time, somewhere */
-#define STAYS_S      0.5   /* and is heard for so long */
-#define SPEED_M_S    5.0   /* at most */
-#define HEARD        0.4   /* of the pings */
-#define MOST_RATIO   400.0 /* that one ping may tell of a block */
-#define MOST_ODDS    1e3
-#define LEAST_ODDS   0.1 /* of a block, to be looked at */
-#define MOST_SPREAD  0.4 /* of odds to either side in one go */
-#define AGE_S        1.0
-#define NOW_S        0.1    /* powers of a few pings, of which one may be anything */
-#define HOLE_SHARE   0.32f  /* of what is heard is doubted: -5 dB */
+#define COMES_S     10.0  /* one comes in so long a time, somewhere */
+#define STAYS_S     0.5   /* and is heard for so long */
+#define SPEED_M_S   5.0   /* at most */
+#define HEARD       0.4   /* of the pings */
+#define MOST_RATIO  400.0 /* that one ping may tell of a block */
+#define MOST_ODDS   1e3
+#define LEAST_ODDS  0.1 /* of a block, to be looked at */
+#define MOST_SPREAD 0.4 /* of odds to either side in one go */
+#define AGE_S       1.0
+#define NOW_S       0.1 /* powers of a few pings, of which one may be anything */
+/* No mean of echoes is brighter than that of their powers: of these, without the 5 dB
+ * that what is over others is doubted by besides (recon/tracking/object_tracker.c). */
+#define HOLE_SHARE   0.32f
 #define LEAST_LATELY 0.18f  /* after 2 of 10 s: before, who comes is all there was */
 #define MOST_SIDE    0.16   /* of a source, where it is as far away for most... */
 #define FEW_SIDE     0.016  /* ...or for few of the elements */
@@ -71,7 +73,7 @@ struct occupancy {
     float *power;              /* [n] over the median of noise... */
     struct brightness *bright; /* [n] */
     float now_of,
-        lately_of; /* what its means are of: less than 1 before so long has passed */
+        lately_of; /* what their means are of: less than 1 before so long has passed */
     bool *held;    /* [n] */
     struct cfar_map *map;
     size_t *order, *ring_of; /* [n]: blocks by rings, and whose ring */

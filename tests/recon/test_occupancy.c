@@ -470,11 +470,11 @@ static void what_who_was_bright_leaves_is_not_compared_by_what_he_raised(void **
     }
     double ping_s = 1e-9 * PING_NS, all = 1.0 - exp(-462 * ping_s / OCCUPANCY_LATELY_S);
     double passed = (1.0 - exp(-42 * ping_s / OCCUPANCY_LATELY_S)) *
-                    exp(-20 * ping_s / 10.0);
+                    exp(-20 * ping_s / OCCUPANCY_LATELY_S);
     double is = 4.0 + 10000.0 * exp(-20 * ping_s / 0.1);
     double lately = 10000.0 * passed / all / is;
     assert_near(occupancy_lately(r->o, at_m, 0.2), pow(10.0, -0.5) * lately,
-                0.05 * lately);
+                0.01 * lately);
 }
 
 /* One ping may be anything: of a mean of a tenth of a second it is a fifth. */

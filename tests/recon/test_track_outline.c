@@ -200,6 +200,9 @@ static void spots_tell_a_car_from_a_bicycle_but_not_one_of_3_m(void **state)
     start(&k, 4.0, 0.8);
     settle(&k);
     assert_false(k.outline.car);
+    k.passing.fits_car = 0.8; /* not enough */
+    settle(&k);
+    assert_false(k.outline.car);
     k.passing.fits_car = 1.2;
     settle(&k);
     assert_true(k.outline.car);
