@@ -614,7 +614,7 @@ int detect_objects(const struct detect_config *cfg, const struct grid *grid,
     if (!cfg->cfar)
         err = noise_floor(intensity, voxels, s.gated, &s.floor);
     else if (cfg->learns)
-        err = detect_learn(cfg->cfar, grid, intensity);
+        err = detect_learn(cfg->cfar, grid, intensity, cfg->known);
     /* Half of the volume empty: a noiseless one.  Any floor below all of it will do. */
     s.floor = fmax(s.floor, 1e-9 * strongest);
     if (err)

@@ -23,7 +23,9 @@ struct detect_config {
     double threshold_db; /* above the volume's noise floor; 12 suits most scenes */
     struct cfar *cfar;   /* in place of floor and threshold: what is around each peak
                           * decides.  NULL: none.  Not owned. */
-    bool learns;         /* cfar, from this image (default) */
+    bool learns;         /* cfar, from this image (default), but... */
+    const bool *known;   /* ...[voxels] where something is known to be; NULL: nowhere.
+                          * Not owned. */
     const struct trace_set *traces; /* for objects_find: what was imaged, to tell lobes
                                      * apart; NULL: not at hand.  Not owned. */
     struct pool *pool;              /* with traces: to look at what lies beyond the volume

@@ -67,27 +67,26 @@ static bool find_objects(struct rings *r)
     return false;
 }
 
-int detect_learn(struct cfar *c, const struct grid *grid, const float *intensity)
+int detect_learn(struct cfar *c, const struct grid *grid, const float *intensity,
+                 const bool *known)
 {
-    size_t n = grid_size(grid);
+    size_t n = grid_size(grid), n_imaged = 0, n_rest = 0;
     struct rings r = {.most = {0.0f}};
-
-    for (size_t v = 0; v < n; v++) {
-        size_t b = bin_of(grid, v);
-        r.most[b] = fmaxf(r.most[b], intensity[v]);
-    }
-    if (!find_objects(&r)) {
-        cfar_learn(c, intensity);
-        return 0;
-    }
     float *rest = malloc(n * sizeof *rest);
+
     if (!rest)
         return -ENOMEM;
-    size_t n_rest = 0, n_imaged = 0;
     for (size_t v = 0; v < n; v++) {
-        rest[v] = r.left_out[bin_of(grid, v)] ? 0.0f : intensity[v];
-        n_rest += rest[v] > 0.0f;
+        size_t b = bin_of(grid, v);
+        rest[v] = known && known[v] ? 0.0f : intensity[v];
+        r.most[b] = fmaxf(r.most[b], rest[v]);
         n_imaged += intensity[v] > 0.0f;
+    }
+    bool objects = find_objects(&r);
+    for (size_t v = 0; v < n; v++) {
+        if (objects && r.left_out[bin_of(grid, v)])
+            rest[v] = 0.0f;
+        n_rest += rest[v] > 0.0f;
     }
     if ((double)n_rest >= LEAST_LEFT * (double)n_imaged)
         cfar_learn(c, rest);

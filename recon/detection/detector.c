@@ -28,8 +28,9 @@ static void forget_cells(struct detector *d)
     occupancy_destroy(d->occupied);
     d->occupied = NULL;
     free(d->held);
+    free(d->known);
     d->map = NULL;
-    d->held = NULL;
+    d->held = d->known = NULL;
 }
 
 int detector_survey(struct detector *d, const struct survey *survey)
@@ -82,7 +83,8 @@ static int find_cells(struct detector *d, const struct volume *volume,
         if (!err)
             err = cfar_map_create(&d->map, grid_size(grid));
         d->held = calloc(grid_size(grid), sizeof *d->held);
-        if (!err && !d->held)
+        d->known = calloc(grid_size(grid), sizeof *d->known);
+        if (!err && (!d->held || !d->known))
             err = -ENOMEM;
         d->cells_grid = *grid;
         if (err)
@@ -90,6 +92,7 @@ static int find_cells(struct detector *d, const struct volume *volume,
     }
     cfg->cfar = d->cells[d->settling];
     cfg->map = d->map;
+    cfg->known = d->known;
     return err;
 }
 
@@ -264,7 +267,7 @@ int detector_volume(struct detector *d, const struct volume *volume,
         err = follow_pings(d, volume);
     cfg.occupied = d->occupied;
     if (!err && cfg.cfar && cfg.learns && !d->settling)
-        err = detect_learn(d->cells[1], grid, volume->intensity);
+        err = detect_learn(d->cells[1], grid, volume->intensity, d->known);
     if (err == -EINVAL)
         return error_say(why, err,
                          "false_alarm_rate: a volume that is too small to compare a "
@@ -285,9 +288,8 @@ int detector_volume(struct detector *d, const struct volume *volume,
     return 0;
 }
 
-static void hold(struct detector *d, const double at_m[3], double held_m)
+static void hold_one(const struct grid *g, const double at_m[3], double held_m, bool *out)
 {
-    const struct grid *g = &d->cells_grid;
     size_t v = 0;
 
     for (size_t z = 0; z < g->n[2]; z++) {
@@ -300,9 +302,23 @@ static void hold(struct detector *d, const double at_m[3], double held_m)
         for (size_t y = 0; y < g->n[1]; y++)
             for (size_t x = 0; x < g->n[0]; x++, v++) {
                 double aside_m = g->origin_m[0] + g->step_m[0] * (double)x - at_m[0];
-                d->held[v] |= aside_m * aside_m < aside2;
+                out[v] |= aside_m * aside_m < aside2;
             }
     }
+}
+
+static void hold(const struct grid *g, const double (*held)[3], size_t n, double held_m,
+                 bool *out)
+{
+    memset(out, 0, grid_size(g) * sizeof *out);
+    for (size_t i = 0; i < n; i++)
+        hold_one(g, held[i], held_m, out);
+}
+
+void detector_know(struct detector *d, const double (*known)[3], size_t n, double known_m)
+{
+    if (d->map)
+        hold(&d->cells_grid, known, n, known_m, d->known);
 }
 
 void detector_learn(struct detector *d, const struct volume *volume,
@@ -312,9 +328,7 @@ void detector_learn(struct detector *d, const struct volume *volume,
 
     if (!d->map || !volume->intensity || memcmp(&d->cells_grid, grid, sizeof *grid))
         return;
-    memset(d->held, 0, grid_size(grid) * sizeof *d->held);
-    for (size_t i = 0; i < n; i++)
-        hold(d, held[i], held_m);
+    hold(grid, held, n, held_m, d->held);
     cfar_map_learn(d->map, volume->intensity, d->held, volume->capture_ns);
     if (d->occupied && volume->newest)
         occupancy_learn(d->occupied, held, n, held_m);

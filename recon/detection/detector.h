@@ -35,7 +35,8 @@ struct detector {
     struct cfar_map *map;  /* the same */
     struct occupancy *occupied; /* by pings one by one, on blocks; NULL: none told yet */
     struct grid blocks;
-    bool *held; /* [voxels], scratch */
+    bool *held;  /* [voxels], scratch */
+    bool *known; /* [voxels]: something is tracked there */
     struct grid cells_grid;
     uint32_t frame, learnt_frame; /* of the newest image, and the newest learnt from */
     uint32_t counter;             /* of lists */
@@ -59,6 +60,11 @@ int detector_volume(struct detector *d, const struct volume *volume,
  * frame. */
 void detector_learn(struct detector *d, const struct volume *volume,
                     const double (*held)[3], size_t n, double held_m);
+
+/* With cfar: what the next images show within known_m of these places [n] of the array
+ * frame is no noise. */
+void detector_know(struct detector *d, const double (*known)[3], size_t n,
+                   double known_m);
 
 /* What was mostly there may be elsewhere now. */
 void detector_forget(struct detector *d);

@@ -527,17 +527,21 @@ static bool has_travelled(struct object_tracker *t, const struct track_report *k
     return from->far;
 }
 
-/* What the background leaves is learnt from images that have one. */
+/* What the background leaves is learnt from images that have one, and noise beside who is
+ * tracked. */
 static void learn_residue(struct object_tracker *t, const struct volume *volume,
                           const struct sight *sight)
 {
-    double held_m[TRACKS_MAX][3];
+    double held_m[TRACKS_MAX][3], known_m[TRACKS_MAX][3];
     size_t n = 0;
 
-    for (size_t i = 0; i < t->n_reports; i++)
-        if (has_travelled(t, &t->reports[i], !volume->standing_left))
-            sight_virtual(sight, &t->reports[i].mirror, t->reports[i].heard_m,
-                          held_m[n++]);
+    for (size_t i = 0; i < t->n_reports; i++) {
+        const struct track_report *k = &t->reports[i];
+        sight_virtual(sight, &k->mirror, k->heard_m, known_m[i]);
+        if (has_travelled(t, k, !volume->standing_left))
+            memcpy(held_m[n++], known_m[i], sizeof known_m[i]);
+    }
+    detector_know(&t->detector, known_m, t->n_reports, HELD_M);
     if (volume->standing_left)
         detector_forget(&t->detector);
     else if (!volume->pings_blanked)

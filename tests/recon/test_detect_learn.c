@@ -81,7 +81,7 @@ static void expect_same(const struct cfar_noise *a, const struct cfar_noise *b)
 static void expect_learnt_whole(const float *image)
 {
     struct cfar *c = cfar_new(), *all = cfar_new();
-    assert_int_equal(detect_learn(c, &grid, image), 0);
+    assert_int_equal(detect_learn(c, &grid, image, NULL), 0);
     cfar_learn(all, image);
     expect_same(cfar_noise(c), cfar_noise(all));
     cfar_destroy(all);
@@ -93,7 +93,7 @@ static void noise_alone_is_learnt(void **state)
     (void)state;
     float *image = noise(1, 1.0);
     struct cfar *c = cfar_new();
-    assert_int_equal(detect_learn(c, &grid, image), 0);
+    assert_int_equal(detect_learn(c, &grid, image, NULL), 0);
     expect_plain_noise(c);
     expect_learnt_whole(image);
     cfar_destroy(c);
@@ -112,12 +112,61 @@ static void objects_and_their_sidelobes_are_no_noise(void **state)
             add_object(image, at_m[i], 1e5 / (1 + i));
         cfar_learn(all, image);
         assert_true(cfar_noise(all)->heavy);
-        assert_int_equal(detect_learn(c, &grid, image), 0);
+        assert_int_equal(detect_learn(c, &grid, image, NULL), 0);
         expect_plain_noise(c);
         cfar_destroy(all);
         cfar_destroy(c);
         free(image);
     }
+}
+
+/* A body 2.5 m deep, each fifth of it half as bright as the one before: no rings tell it
+ * from clutter. */
+static void add_body(float *image, bool *known)
+{
+    for (size_t i = 0; i < CELLS; i++) {
+        size_t row = (i / NX - 40) / 25;
+        double x_m = grid.origin_m[0] + STEP_M * (double)(i % NX);
+        bool body = i / NX >= 40 && row < 5 && fabs(x_m) < 0.15;
+        known[i] = body;
+        if (body && i % 3 == 0)
+            image[i] = (float)(4e3 * pow(2.0, -(double)row));
+    }
+}
+
+/* He hides no tail: what is as far away as he is stays noise. */
+static void who_is_known_is_no_noise(void **state)
+{
+    (void)state;
+    float *image = noise(4, 1.0), *rest = noise(4, 1.0);
+    bool *known = calloc(CELLS, sizeof *known);
+    struct cfar *c = cfar_new(), *all = cfar_new(), *beside = cfar_new();
+
+    assert_non_null(known);
+    add_body(image, known);
+    cfar_learn(all, image);
+    assert_true(cfar_noise(all)->heavy);
+    expect_learnt_whole(image); /* where nobody knows of him */
+    assert_int_equal(detect_learn(c, &grid, image, known), 0);
+    expect_plain_noise(c);
+
+    for (size_t i = 0; i < CELLS; i++) {
+        if (i % 37 == 0)
+            image[i] = rest[i] = 40.0f; /* clutter, in front of him, too */
+        rest[i] = known[i] ? 0.0f : rest[i];
+    }
+    cfar_destroy(c);
+    c = cfar_new();
+    assert_int_equal(detect_learn(c, &grid, image, known), 0);
+    cfar_learn(beside, rest);
+    assert_true(cfar_noise(c)->heavy);
+    expect_same(cfar_noise(c), cfar_noise(beside));
+    cfar_destroy(c);
+    cfar_destroy(all);
+    cfar_destroy(beside);
+    free(known);
+    free(rest);
+    free(image);
 }
 
 /* Four alike are clutter, and so is one that is 6 times as bright as the next. */
@@ -145,7 +194,7 @@ static void clutter_is_learnt_with_its_tail(void **state)
     struct cfar *c = cfar_new();
     size_t alarms = 0;
     expect_learnt_whole(image);
-    assert_int_equal(detect_learn(c, &grid, image), 0);
+    assert_int_equal(detect_learn(c, &grid, image, NULL), 0);
     free(image);
     image = noise(5, 3.0);
     for (size_t i = 0; i < CELLS; i++)
@@ -166,9 +215,9 @@ static void what_is_left_may_be_too_little(void **state)
     for (size_t i = 0; i < CELLS; i++)
         if (fabs(range_m(i) - 3.0) > (i % 10 ? 0.3 : 0.5))
             image[i] = 0.0f;
-    assert_int_equal(detect_learn(c, &grid, plain), 0);
+    assert_int_equal(detect_learn(c, &grid, plain, NULL), 0);
     const struct cfar_noise before = *cfar_noise(c);
-    assert_int_equal(detect_learn(c, &grid, image), 0);
+    assert_int_equal(detect_learn(c, &grid, image, NULL), 0);
     expect_same(cfar_noise(c), &before);
     expect_plain_noise(c);
     cfar_destroy(c);
@@ -196,7 +245,7 @@ static void the_ring_of_an_object_ends_a_third_of_a_metre_from_it(void **state)
             struct cfar *c = cfar_new();
             add_object(image, 2.82, 1e5);
             add_shell(image, shell_m[outside][far], shell_m[outside][far] + 0.05, 2e3);
-            assert_int_equal(detect_learn(c, &grid, image), 0);
+            assert_int_equal(detect_learn(c, &grid, image, NULL), 0);
             if (outside)
                 assert_true(cfar_noise(c)->heavy);
             else
@@ -221,9 +270,9 @@ static void expect_gate(double near_m, double far_m, double object, bool learnt)
     if (object > 0.0)
         add_object(image, 2.82, object);
     leave_between(image, near_m, far_m);
-    assert_int_equal(detect_learn(c, &grid, plain), 0);
+    assert_int_equal(detect_learn(c, &grid, plain, NULL), 0);
     const struct cfar_noise before = *cfar_noise(c);
-    assert_int_equal(detect_learn(c, &grid, image), 0);
+    assert_int_equal(detect_learn(c, &grid, image, NULL), 0);
     if (learnt)
         assert_true(cfar_noise(c)->shape != before.shape);
     else
@@ -252,7 +301,7 @@ static void an_empty_image_teaches_nothing(void **state)
     float *image = calloc(CELLS, sizeof *image);
     struct cfar *c = cfar_new();
     assert_non_null(image);
-    assert_int_equal(detect_learn(c, &grid, image), 0);
+    assert_int_equal(detect_learn(c, &grid, image, NULL), 0);
     assert_near(cfar_noise(c)->shape, 1.0, 0.0);
     assert_false(cfar_noise(c)->heavy);
     cfar_destroy(c);
@@ -264,6 +313,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(noise_alone_is_learnt),
         cmocka_unit_test(objects_and_their_sidelobes_are_no_noise),
+        cmocka_unit_test(who_is_known_is_no_noise),
         cmocka_unit_test(the_brightest_of_many_are_noise),
         cmocka_unit_test(clutter_is_learnt_with_its_tail),
         cmocka_unit_test(what_is_left_may_be_too_little),
