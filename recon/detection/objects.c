@@ -159,8 +159,8 @@ static void mirror_height(const struct wall *wall, double height[6])
     wall_mirror_covariance(&exact, (const double[3]){0.0, 0.0, 0.0}, height, height);
 }
 
-void objects_place(struct placement *out, const struct survey *s,
-                   const struct walls *walls, const struct detection *d)
+static void place_by(struct placement *out, const struct survey *s,
+                     const struct walls *walls, const struct detection *d, size_t at)
 {
     double position[3], covariance[6], height[6] = {0.0}, centre[3], r[3][3], t[3];
     memcpy(position, d->position_m, sizeof position);
@@ -172,7 +172,6 @@ void objects_place(struct placement *out, const struct survey *s,
     if (s->has_mount && height_assumed)
         height[5] = come_down(s, centre, position);
     covariance[5] += height[5];
-    size_t at = wall_that_mirrored(walls->list, walls->n, centre, d->position_m);
     const struct wall *wall = at < walls->n ? &walls->list[at].plane : NULL;
     *out = (struct placement){.wall = wall ? walls->list[at].id : 0,
                               .height_assumed = height_assumed,
@@ -191,6 +190,27 @@ void objects_place(struct placement *out, const struct survey *s,
     turn_extent(wall, (const double(*)[3])r, d->extent_m, out->extent_m);
 }
 
+void objects_place(struct placement *out, const struct survey *s,
+                   const struct walls *walls, const struct detection *d)
+{
+    double centre[3];
+
+    array_centre(s, centre);
+    place_by(out, s, walls, d,
+             wall_that_mirrored(walls->list, walls->n, centre, d->position_m));
+}
+
+void objects_place_by(struct object *o, const struct survey *s, const struct walls *walls,
+                      size_t wall)
+{
+    struct detection d = {.existence = o->existence};
+
+    memcpy(d.position_m, o->virtual_m, sizeof d.position_m);
+    memcpy(d.covariance_m2, o->covariance_m2, sizeof d.covariance_m2);
+    memcpy(d.extent_m, o->extent_m, sizeof d.extent_m);
+    place_by(&o->place, s, walls, &d, wall);
+}
+
 static struct object object_of(uint32_t id, const struct survey *s,
                                const struct walls *walls, const struct detection *d)
 {
@@ -207,6 +227,8 @@ static struct object object_of(uint32_t id, const struct survey *s,
         .at_border = d->at_border,
         .multipath = d->multipath};
 
+    memcpy(o.covariance_m2, d->covariance_m2, sizeof o.covariance_m2);
+    memcpy(o.extent_m, d->extent_m, sizeof o.extent_m);
     objects_place(&o.place, s, walls, d);
     for (int i = 0; d->multipath && i < 2; i++)
         o.of[i] = (uint32_t)d->of[i] + 1;

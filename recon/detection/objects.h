@@ -41,12 +41,13 @@ struct object {
     double virtual_m[3]; /* as imaged, in the array frame; of a track: where its echo is,
                             the middle of what is heard of it */
     double middle_m[3];  /* likewise, of all that is bright there */
-    double existence;    /* 0..1; of a track: of it and its wall */
-    double lately;       /* as struct detection has it; of no track */
-    double proven;       /* 0..1, as single pings tell (struct detection); of no track */
-    double level_db;     /* above the noise floor of the image */
-    bool has_course;     /* by the phases of the image's pings (struct volume_mover), */
-    bool moves;          /* and nothing at rest would go so; of no track */
+    double covariance_m2[6], extent_m[3]; /* as imaged, too; of no track */
+    double existence;                     /* 0..1; of a track: of it and its wall */
+    double lately;                        /* as struct detection has it; of no track */
+    double proven;   /* 0..1, as single pings tell (struct detection); of no track */
+    double level_db; /* above the noise floor of the image */
+    bool has_course; /* by the phases of the image's pings (struct volume_mover), */
+    bool moves;      /* and nothing at rest would go so; of no track */
     double course_m_s[2], course_power; /* then: x, z in the array frame, as imaged */
     double course_doubt;                /* wrong with this probability */
     struct shape_guess shape;
@@ -101,6 +102,10 @@ void objects_list(struct object_list *out, const struct survey *s,
                   size_t n);
 void objects_place(struct placement *out, const struct survey *s,
                    const struct walls *walls, const struct detection *detection);
+
+/* One that is of no track, as if the wall of that index had mirrored it. */
+void objects_place_by(struct object *o, const struct survey *s, const struct walls *walls,
+                      size_t wall);
 
 /* A standard deviation from which on a place is not known along that axis, rather than
  * known badly (PEAK_UNKNOWN_M, turned). */

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "recon/processing.h"
+#include "recon/tracking/several_walls.h"
 #include "recon/tracking/sidelobes.h"
 #include "recon/tracking/sight.h"
 #include "recon/tracking/timing.h"
@@ -30,7 +31,9 @@
 
 /* What came so far is something that moves, also when it stands. */
 #define TRAVELLED_M 0.6
-#define HELD_M      0.6 /* about its middle: all of a person */
+#define HELD_M      0.6              /* about its middle: all of a person */
+#define KNOWN_S     0.5              /* unseen for longer, he may be elsewhere */
+#define IMAGES_MAX  (4 * TRACKS_MAX) /* of what is tracked, by two walls each */
 
 _Static_assert(OBJECTS_MAX <= TRACK_DETECTIONS && TRACKS_MAX <= OBJECTS_MAX, "");
 
@@ -69,7 +72,9 @@ struct object_tracker {
     struct track_report reports[TRACKS_MAX]; /* of the newest image */
     size_t n_reports;
     struct travel travels[TRACK_ID_MAX + 1];
-    struct sidelobe_source sources[TRACKS_MAX]; /* the same, as they are in this one */
+    double places_m[TRACKS_MAX][3]; /* where they are in this one, vehicle frame */
+    struct sidelobe_source sources[IMAGES_MAX]; /* as they are imaged in it */
+    size_t n_sources;
 };
 
 void object_tracker_config_default(struct object_tracker_config *cfg, bool is_static)
@@ -385,27 +390,67 @@ static bool may_be_sidelobe(const struct object_tracker *t,
                             const struct sidelobe_source *seen, size_t n)
 {
     return !o->moves && (sidelobes_may_be(array, its, seen, n) ||
-                         sidelobes_may_be(array, its, t->sources, t->n_reports));
+                         sidelobes_may_be(array, its, t->sources, t->n_sources));
+}
+
+static double level_of(const struct object_tracker *t, size_t report)
+{
+    return t->memory[t->reports[report].id].level_db;
+}
+
+/* Who is tracked, the loudest first. */
+static void know_tracks(const struct object_tracker *t, struct several_walls *known)
+{
+    bool taken[TRACKS_MAX] = {false};
+
+    for (size_t n = 0; n < t->n_reports; n++) {
+        size_t next = t->n_reports;
+        for (size_t i = 0; i < t->n_reports; i++)
+            if (!taken[i] && (next == t->n_reports || level_of(t, i) > level_of(t, next)))
+                next = i;
+        taken[next] = true;
+        if (t->reports[next].unseen_s < KNOWN_S)
+            several_walls_know(known, t->places_m[next], t->reports[next].mirror.id,
+                               level_of(t, next));
+    }
+}
+
+/* By way of which wall it is imaged; false: it is nobody. */
+static bool find_wall(const struct object_tracker *t, const struct sight *sight,
+                      struct several_walls *known, struct object *o)
+{
+    uint32_t wall = several_walls_show(known, o->virtual_m, o->place.wall, o->level_db);
+
+    for (size_t i = 0; wall != o->place.wall && i < sight->walls->n; i++)
+        if (sight->walls->list[i].id == wall)
+            objects_place_by(o, &t->detector.survey, sight->walls, i);
+    if (wall != SEVERAL_WALLS_NOBODY)
+        several_walls_know(known, o->place.position_m, wall, o->level_db);
+    return wall != SEVERAL_WALLS_NOBODY;
 }
 
 /* Brings to the front of the list, in the order they had, what is tracked: neither the
- * wall itself, nor what no wall can have mirrored, nor what may be a sidelobe.  Returns
- * how many they are. */
+ * wall itself, nor what no wall can have mirrored, nor what may be a sidelobe or has come
+ * by way of two walls.  Returns how many they are. */
 static size_t choose_candidates(const struct object_tracker *t, const struct sight *sight,
                                 struct object_list *list)
 {
     struct sidelobe_array array = {.margin_db = t->cfg.sidelobe_db};
     struct sidelobe_source seen[OBJECTS_MAX];
+    struct several_walls known;
     size_t chosen = 0;
 
     sidelobe_array_measure(&array, &t->detector.survey);
+    several_walls_init(&known, sight, &t->detector.survey);
+    know_tracks(t, &known);
     for (size_t i = 0; i < list->n; i++)
         seen[i] =
             sidelobe_source_at(list->objects[i].virtual_m, list->objects[i].level_db);
     for (size_t i = 0; i < list->n; i++) {
         struct object o = list->objects[i];
         if (!is_behind_a_wall(sight, &o) ||
-            may_be_sidelobe(t, &array, &o, &seen[i], seen, list->n))
+            may_be_sidelobe(t, &array, &o, &seen[i], seen, list->n) ||
+            !find_wall(t, sight, &known, &o))
             continue;
         memmove(list->objects + chosen + 1, list->objects + chosen,
                 (i - chosen) * sizeof o);
@@ -414,20 +459,43 @@ static size_t choose_candidates(const struct object_tracker *t, const struct sig
     return chosen;
 }
 
-/* Where the tracks of the image before are imaged in this one, dt_s later. */
+/* As loud as its track where it is imaged by the wall that it was heard by; elsewhere as
+ * its way there and back is longer or shorter. */
+static void add_sources(struct object_tracker *t, const struct several_walls *walls,
+                        const struct track_report *k, const double at_m[3],
+                        const struct track_mirror *own)
+{
+    double images_m[IMAGES_MAX][3], own_m = 0.0;
+    size_t n =
+        several_walls_images(walls, at_m, own, images_m, IMAGES_MAX - t->n_sources);
+
+    if (k->unseen_s >= KNOWN_S && n > 1)
+        n = 1;
+    for (size_t i = 0; i < n; i++) {
+        struct sidelobe_source *s = &t->sources[t->n_sources++];
+        *s = sidelobe_source_at(images_m[i], t->memory[k->id].level_db);
+        own_m = i ? own_m : s->range_m;
+        if (i)
+            s->level_db -= 40.0 * log10(s->range_m / own_m);
+    }
+}
+
+/* Where the tracks of the image before are in this one, dt_s later, and are imaged. */
 static void place_tracks(struct object_tracker *t, const struct sight *sight,
                          const struct ego_step *ego, double dt_s)
 {
+    struct several_walls walls;
+
+    several_walls_init(&walls, sight, &t->detector.survey);
+    t->n_sources = 0;
     for (size_t i = 0; i < t->n_reports; i++) {
         const struct track_report *k = &t->reports[i];
-        const struct track_mirror none = {.id = 0};
-        double at_m[3], virtual_m[3];
+        double at_m[3];
         for (int a = 0; a < 3; a++)
             at_m[a] = k->heard_m[a] + (a < 2 ? dt_s * k->velocity_m_s[a] : 0.0);
-        track_mirror_point(&k->mirror, at_m, at_m);
-        ego_step_point(ego, at_m, at_m);
-        sight_virtual(sight, &none, at_m, virtual_m);
-        t->sources[i] = sidelobe_source_at(virtual_m, t->memory[k->id].level_db);
+        const struct track_mirror own = track_mirror_after(ego, &k->mirror);
+        ego_step_point(ego, at_m, t->places_m[i]);
+        add_sources(t, &walls, k, t->places_m[i], &own);
     }
 }
 
@@ -532,20 +600,26 @@ static bool has_travelled(struct object_tracker *t, const struct track_report *k
 static void learn_residue(struct object_tracker *t, const struct volume *volume,
                           const struct sight *sight)
 {
-    double held_m[TRACKS_MAX][3], known_m[TRACKS_MAX][3];
-    size_t n = 0;
+    double held_m[IMAGES_MAX][3], known_m[IMAGES_MAX][3];
+    size_t n = 0, n_known = 0;
+    struct several_walls walls;
 
+    several_walls_init(&walls, sight, &t->detector.survey);
     for (size_t i = 0; i < t->n_reports; i++) {
         const struct track_report *k = &t->reports[i];
-        sight_virtual(sight, &k->mirror, k->heard_m, known_m[i]);
-        if (has_travelled(t, k, !volume->standing_left))
-            memcpy(held_m[n++], known_m[i], sizeof known_m[i]);
+        size_t more = several_walls_images(&walls, k->heard_m, &k->mirror,
+                                           known_m + n_known, IMAGES_MAX - n_known);
+        if (has_travelled(t, k, !volume->standing_left)) {
+            memcpy(held_m[n], known_m[n_known], more * sizeof *known_m);
+            n += more;
+        }
+        n_known += more;
     }
-    detector_know(&t->detector, known_m, t->n_reports, HELD_M);
+    detector_know(&t->detector, (const double(*)[3])known_m, n_known, HELD_M);
     if (volume->standing_left)
         detector_forget(&t->detector);
     else if (!volume->pings_blanked)
-        detector_learn(&t->detector, volume, held_m, n, HELD_M);
+        detector_learn(&t->detector, volume, (const double(*)[3])held_m, n, HELD_M);
 }
 
 static bool is_tracked(const struct object_tracker *t, const struct volume *volume)

@@ -411,18 +411,27 @@ static void come_later(struct tracker *t, const struct track_scan *scan,
             t->positions[j].lag_s += later_s;
 }
 
+/* How much likelier a detection there is of an object that is to be heard. */
+static double ratio_of(const struct tracker *t, const struct track_scan *scan,
+                       double density)
+{
+    double seen = t->cfg.detection_probability;
+
+    return 1.0 - seen + seen * density / scan->clutter_m2;
+}
+
 /* The part of the scan's detections that belongs to the track. */
 static void continue_track(struct tracker *t, const struct track_scan *scan, size_t i,
                            const size_t *whose, double fresh)
 {
     struct track *k = &t->tracks[i];
-    struct track_position middle;
-    double extent_m[3], existence;
+    struct track_gathered its;
 
     come_later(t, scan, whose, i, k->since_ns);
-    track_gather(t, scan, whose, i, &middle, extent_m, &existence, &k->detection);
+    track_gather(t, scan, whose, i, k->mirror.id, &its);
+    k->detection = its.detection;
     struct track_match m =
-        track_body_match(k, k->body.n ? &t->positions[k->detection] : &middle, NULL);
+        track_body_match(k, k->body.n ? &t->positions[k->detection] : &its.by[0], NULL);
     const struct track_match as_car =
         track_passing_match(t, k, scan, k->detection, fresh);
     bool past = is_past_border(t, scan, k);
@@ -430,11 +439,15 @@ static void continue_track(struct tracker *t, const struct track_scan *scan, siz
         track_body_begin(k);
         m = as_car;
     }
-    double seen = t->cfg.detection_probability;
-    double ratio = 1.0 - seen + seen * m.density / scan->clutter_m2;
-    track_life_update(&k->life, &t->life, true, ratio, fresh);
+    track_life_update(&k->life, &t->life, true, ratio_of(t, scan, m.density), fresh);
+    for (size_t wall = 1; !k->body.n && wall < its.n_walls; wall++) {
+        m = track_body_match(k, &its.by[wall], NULL);
+        track_life_update(&k->life, &t->life, true, ratio_of(t, scan, m.density), fresh);
+    }
     follow_course(t, scan, k);
     prove(t, scan, k);
+    if (scan->detections[k->detection].mirror != k->mirror.id)
+        k->usual = 0.0; /* it was by way of another wall */
     double doubt = doubt_faint(k, scan->detections[k->detection].power, fresh);
     if (past)
         doubt = BORDER_DOUBT;
@@ -445,13 +458,13 @@ static void continue_track(struct tracker *t, const struct track_scan *scan, siz
             track_body_update(t, scan, whose, i, fresh);
     } else {
         for (int a = 0; k->models.begun && a < 2; a++)
-            middle.at_m[a] += middle.middle_m[a];
-        track_filter_update(&k->steady, &middle);
-        update_filter(k, doubt, &middle, scan->stamp_ns);
+            its.middle.at_m[a] += its.middle.middle_m[a];
+        track_filter_update(&k->steady, &its.middle);
+        update_filter(k, doubt, &its.middle, scan->stamp_ns);
     }
     measure_height(t, &scan->detections[k->detection], k);
     for (int a = 0; a < 3; a++)
-        k->extent_m[a] += EXTENT_SHARE * (extent_m[a] - k->extent_m[a]);
+        k->extent_m[a] += EXTENT_SHARE * (its.extent_m[a] - k->extent_m[a]);
     track_turn(t->pose.dyaw, scan->detections[k->detection].sight, k->body.sight);
     track_outline_update(k, t->pose.dyaw);
     track_passing_update(t, scan, k, fresh, doubt);
@@ -624,8 +637,7 @@ static void start_track(struct tracker *t, const struct track_scan *scan,
                         const size_t *whose, double fresh)
 {
     struct track *k = &t->tracks[t->n];
-    struct track_position middle;
-    double existence;
+    struct track_gathered its;
 
     if (t->n == TRACKS_MAX) {
         t->counts.crowded++;
@@ -634,14 +646,20 @@ static void start_track(struct tracker *t, const struct track_scan *scan,
     memset(k, 0, sizeof *k);
     k->since_ns = t->stamp_ns - (int64_t)(0.5e9 * t->apart_s);
     come_later(t, scan, whose, STARTED, k->since_ns);
-    track_gather(t, scan, whose, STARTED, &middle, k->extent_m, &existence,
-                 &k->detection);
-    const struct track *fast = beside_fast(t, middle.at_m);
-    track_filter_start(&k->filter, &middle, fast ? BESIDE_M_S : t->cfg.new_speed_m_s);
+    track_gather(t, scan, whose, STARTED, 0, &its);
+    k->detection = its.detection;
+    memcpy(k->extent_m, its.extent_m, sizeof k->extent_m);
+    const struct track *fast = beside_fast(t, its.middle.at_m);
+    track_life_start(&k->life, &t->life, t->cfg.new_existence * its.existence);
+    track_filter_start(&k->filter, &its.by[0], t->cfg.new_speed_m_s);
+    for (size_t wall = 1; wall < its.n_walls; wall++) {
+        double density = track_filter_match(&k->filter, &its.by[wall]).density;
+        track_life_update(&k->life, &t->life, true, ratio_of(t, scan, density), 1.0);
+    }
+    track_filter_start(&k->filter, &its.middle, fast ? BESIDE_M_S : t->cfg.new_speed_m_s);
     for (int a = 0; fast && a < 2; a++)
         k->filter.state[2 + a] += fast->filter.state[2 + a];
     k->steady = k->filter;
-    track_life_start(&k->life, &t->life, t->cfg.new_existence * existence);
     k->state = TRACK_MEASURED;
     k->first_ns = k->seen_ns = scan->stamp_ns;
     k->beside = fast;
@@ -746,16 +764,6 @@ int tracker_step(struct tracker *t, const struct track_scan *scan)
 /* -- the report -------------------------------------------------------------------------
  */
 
-static struct track_mirror in_vehicle(const struct ego_step *pose,
-                                      const struct track_mirror *m)
-{
-    struct track_mirror out = *m;
-
-    out.distance_m -= m->normal[0] * pose->dx_m + m->normal[1] * pose->dy_m;
-    track_turn(-pose->dyaw, m->normal, out.normal);
-    return out;
-}
-
 /* What is measured there is before its mirror: its filter, or what is taken to belong to
  * it, is where it cannot be. */
 static void keep_before(const struct track_mirror *m, double p_m[3])
@@ -809,7 +817,7 @@ static void report(const struct tracker *t, const struct track *k,
     out->state = k->state;
     ego_step_point(&t->pose, at_m, out->position_m);
     ego_step_point(&t->pose, heard_m, out->heard_m);
-    out->mirror = in_vehicle(&t->pose, &k->mirror);
+    out->mirror = track_mirror_after(&t->pose, &k->mirror);
     out->placed = k->placed;
     keep_before(&out->mirror, out->position_m);
     track_turn(-yaw, f->state + 2, out->velocity_m_s);

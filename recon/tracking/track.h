@@ -170,6 +170,10 @@ struct track_counts {
 /* Where a place is imaged by way of a mirror, or what is imaged there really is. */
 void track_mirror_point(const struct track_mirror *m, const double p[3], double out[3]);
 
+/* One that stands still, in the frame of the vehicle after a step. */
+struct track_mirror track_mirror_after(const struct ego_step *step,
+                                       const struct track_mirror *m);
+
 struct tracker;
 
 /* 0, -EINVAL (a value out of its range), -ENOMEM.  Nothing is allocated later. */

@@ -10,6 +10,7 @@
 #define NEVER       1e6  /* a cost that no sum of others reaches */
 #define RESTS_LOOKS 2.0  /* by then what moves at 0.6 m/s is told from it */
 #define GLINT_M     0.05 /* of a walker, what is brightest besides wanders so much more */
+#define LOUDER      4.0 /* than by the wall that it is followed by: that one takes over */
 
 _Static_assert(TRACKS_MAX <= ASSIGNMENT_ROWS, "");
 _Static_assert(TRACK_DETECTIONS + TRACKS_MAX <= ASSIGNMENT_COLUMNS, "");
@@ -140,10 +141,32 @@ bool track_rests_elsewhere(const struct tracker *t, const struct track_scan *sca
            track_rest_distance2(r, &t->looks[detection]) > TRACK_REST_GATE2;
 }
 
+/* What two walls show at one place is one thing, and one detection: the stronger, which
+ * the other one goes with.  TRACK_NONE: it goes with none. */
+static void find_stronger(const struct tracker *t, const struct track_scan *scan,
+                          size_t *stronger)
+{
+    for (size_t j = 0; j < scan->n; j++) {
+        const struct track_detection *d = &scan->detections[j];
+        double nearest_m = t->cfg.join_m;
+        stronger[j] = TRACK_NONE;
+        for (size_t i = 0; i < scan->n; i++) {
+            const struct track_detection *other = &scan->detections[i];
+            bool walls = d->mirror && other->mirror && d->mirror != other->mirror;
+            double away_m = distance_m(&t->positions[i], &t->positions[j]);
+            if (!walls || other->power <= d->power || away_m >= nearest_m)
+                continue;
+            nearest_m = away_m;
+            stronger[j] = i;
+        }
+    }
+}
+
 /* Negative logarithms of how much likelier an assignment is than clutter and an object
  * that is not there: joint integrated association (Musicki and Evans 2004), of which the
  * best single hypothesis is taken. */
-static void fill_costs(struct tracker *t, const struct track_scan *scan, double fresh)
+static void fill_costs(struct tracker *t, const struct track_scan *scan, double fresh,
+                       const size_t *stronger)
 {
     size_t n_columns = scan->n + t->n;
 
@@ -158,7 +181,7 @@ static void fill_costs(struct tracker *t, const struct track_scan *scan, double 
                 m = as_car;
             bool mirrored = scan->detections[j].mirror != 0;
             bool near = m.distance2 < t->cfg.gate2 && !k->merged &&
-                        mirrored == (k->mirror.id != 0) &&
+                        stronger[j] == TRACK_NONE && mirrored == (k->mirror.id != 0) &&
                         !track_rests_elsewhere(t, scan, i, j);
             cost[j] = near ? -log(fmax(seen * m.density / scan->clutter_m2, 1e-300))
                            : NEVER;
@@ -203,9 +226,10 @@ static size_t neighbour(const struct tracker *t, const struct track_scan *scan,
 void track_associate(struct tracker *t, const struct track_scan *scan, double fresh,
                      size_t *mine, size_t *whose)
 {
-    size_t column[ASSIGNMENT_ROWS];
+    size_t column[ASSIGNMENT_ROWS], stronger[TRACK_DETECTIONS];
 
-    fill_costs(t, scan, fresh);
+    find_stronger(t, scan, stronger);
+    fill_costs(t, scan, fresh, stronger);
     assignment_solve(t->n, scan->n + t->n, t->cost, column);
     for (size_t j = 0; j < scan->n; j++)
         whose[j] = TRACK_NONE;
@@ -217,6 +241,12 @@ void track_associate(struct tracker *t, const struct track_scan *scan, double fr
     for (size_t j = 0; j < scan->n; j++)
         if (whose[j] == TRACK_NONE)
             whose[j] = neighbour(t, scan, mine, j);
+    for (size_t j = 0; j < scan->n; j++) {
+        size_t with = j;
+        while (stronger[with] != TRACK_NONE)
+            with = stronger[with];
+        whose[j] = whose[with];
+    }
 }
 
 /* -- of one owner -----------------------------------------------------------------------
@@ -241,13 +271,13 @@ static void add_position(struct track_position *sum, const struct track_position
 
 /* From the lowest to the highest of all boxes, along the vehicle's axes. */
 static void measure_extent(const struct track_scan *scan, const size_t *whose,
-                           size_t owner, double extent_m[3])
+                           size_t owner, uint32_t mirror, double extent_m[3])
 {
     for (int a = 0; a < 3; a++) {
         double low = INFINITY, high = -INFINITY;
         for (size_t j = 0; j < scan->n; j++) {
             const struct track_detection *d = &scan->detections[j];
-            if (whose[j] != owner)
+            if (whose[j] != owner || d->mirror != mirror)
                 continue;
             low = fmin(low, d->position_m[a] - 0.5 * d->extent_m[a]);
             high = fmax(high, d->position_m[a] + 0.5 * d->extent_m[a]);
@@ -256,28 +286,20 @@ static void measure_extent(const struct track_scan *scan, const size_t *whose,
     }
 }
 
-void track_gather(const struct tracker *t, const struct track_scan *scan,
-                  const size_t *whose, size_t owner, struct track_position *middle,
-                  double extent_m[3], double *existence, size_t *detection)
+/* By way of one wall, or of none. */
+static void gather_by(const struct tracker *t, const struct track_scan *scan,
+                      const size_t *whose, size_t owner, uint32_t mirror,
+                      struct track_position *middle)
 {
-    double power = 0.0, strongest = 0.0, moving = 0.0;
+    double power = 0.0, moving = 0.0;
 
     memset(middle, 0, sizeof *middle);
-    *existence = 0.0;
-    for (size_t j = 0; j < scan->n; j++) {
-        const struct track_detection *d = &scan->detections[j];
-        if (whose[j] != owner)
-            continue;
-        power += d->power;
-        *existence = fmax(*existence, d->existence);
-        if (d->power > strongest) {
-            strongest = d->power;
-            *detection = j;
-        }
-    }
+    for (size_t j = 0; j < scan->n; j++)
+        if (whose[j] == owner && scan->detections[j].mirror == mirror)
+            power += scan->detections[j].power;
     for (size_t j = 0; j < scan->n; j++) {
         const struct track_position *p = &t->positions[j];
-        if (whose[j] != owner)
+        if (whose[j] != owner || scan->detections[j].mirror != mirror)
             continue;
         add_position(middle, p, scan->detections[j].power / power);
         if (p->has_velocity && scan->detections[j].power > moving) {
@@ -291,7 +313,8 @@ void track_gather(const struct tracker *t, const struct track_scan *scan,
     }
     for (size_t j = 0; j < scan->n; j++) {
         double share = scan->detections[j].power / power;
-        for (int a = 0; whose[j] == owner && a < 2; a++)
+        bool its = whose[j] == owner && scan->detections[j].mirror == mirror;
+        for (int a = 0; its && a < 2; a++)
             for (int b = 0; b < 2; b++) {
                 double scatter_m2 = share * (t->positions[j].at_m[a] - middle->at_m[a]) *
                                     (t->positions[j].at_m[b] - middle->at_m[b]);
@@ -299,5 +322,46 @@ void track_gather(const struct tracker *t, const struct track_scan *scan,
                 middle->walker_m2[a][b] += scatter_m2;
             }
     }
-    measure_extent(scan, whose, owner, extent_m);
+}
+
+/* The strongest detection of an owner by way of a wall, or of all; scan->n: none. */
+static size_t strongest_by(const struct track_scan *scan, const size_t *whose,
+                           size_t owner, const uint32_t *mirror)
+{
+    size_t best = scan->n;
+
+    for (size_t j = 0; j < scan->n; j++)
+        if (whose[j] == owner && (!mirror || scan->detections[j].mirror == *mirror) &&
+            (best == scan->n || scan->detections[j].power > scan->detections[best].power))
+            best = j;
+    return best;
+}
+
+void track_gather(const struct tracker *t, const struct track_scan *scan,
+                  const size_t *whose, size_t owner, uint32_t followed,
+                  struct track_gathered *out)
+{
+    size_t loudest = strongest_by(scan, whose, owner, NULL);
+    size_t usual = strongest_by(scan, whose, owner, &followed);
+    bool stays = usual < scan->n &&
+                 LOUDER * scan->detections[usual].power > scan->detections[loudest].power;
+
+    out->detection = stays ? usual : loudest;
+    uint32_t first = scan->detections[out->detection].mirror;
+    out->existence = 0.0;
+    for (size_t j = 0; j < scan->n; j++)
+        if (whose[j] == owner)
+            out->existence = fmax(out->existence, scan->detections[j].existence);
+    measure_extent(scan, whose, owner, first, out->extent_m);
+    gather_by(t, scan, whose, owner, first, &out->by[0]);
+    out->middle = out->by[0];
+    out->n_walls = 1;
+    for (size_t i = 0; i < scan->n_mirrors && out->n_walls < TRACK_MIRRORS; i++) {
+        uint32_t id = scan->mirrors[i].id;
+        struct track_position *p = &out->by[out->n_walls];
+        if (id == first || strongest_by(scan, whose, owner, &id) == scan->n)
+            continue;
+        gather_by(t, scan, whose, owner, id, p);
+        out->n_walls += track_position_join(&out->middle, p, t->cfg.gate2);
+    }
 }

@@ -162,9 +162,8 @@ void track_body_update(struct tracker *t, const struct track_scan *scan,
                        const size_t *whose, size_t i, double fresh)
 {
     struct track *k = &t->tracks[i];
-    struct track_position middle;
-    double extent_m[3], existence;
-    size_t of[TRACK_DETECTIONS], strongest, n = k->body.n;
+    struct track_gathered part_of;
+    size_t of[TRACK_DETECTIONS], n = k->body.n;
 
     sort_out(t, scan, whose, i, of);
     for (size_t part = 0; part < n; part++) {
@@ -173,8 +172,8 @@ void track_body_update(struct tracker *t, const struct track_scan *scan,
             seen |= of[j] == part;
         if (!seen)
             continue;
-        track_gather(t, scan, of, part, &middle, extent_m, &existence, &strongest);
-        update_part(k, &k->body.parts[part], &middle, fresh, scan->stamp_ns);
+        track_gather(t, scan, of, part, k->mirror.id, &part_of);
+        update_part(k, &k->body.parts[part], &part_of.middle, fresh, scan->stamp_ns);
     }
     for (size_t j = 0; j < scan->n; j++)
         if (of[j] == TRACK_PARTS)

@@ -200,6 +200,81 @@ void track_position_doubt(struct track_position *p, double times)
             p->covariance_m2[a][b] *= times;
 }
 
+/* What the other one counts for: A (A + B)^-1.  false: they are too far apart. */
+static bool weigh(const double apart[2], const double a[2][2], const double b[2][2],
+                  double gate2, double gain[2][2])
+{
+    double sum[2][2];
+
+    for (int i = 0; i < 2; i++)
+        for (int j = 0; j < 2; j++)
+            sum[i][j] = a[i][j] + b[i][j] + (i == j ? LEAST_M2 : 0.0);
+    double det = sum[0][0] * sum[1][1] - sum[0][1] * sum[1][0];
+    for (int i = 0; i < 2; i++) {
+        gain[i][0] = (a[i][0] * sum[1][1] - a[i][1] * sum[1][0]) / det;
+        gain[i][1] = (a[i][1] * sum[0][0] - a[i][0] * sum[0][1]) / det;
+    }
+    return track_filter_distance2(apart, (const double(*)[2])sum) <= gate2;
+}
+
+static void blend(const double gain[2][2], double v[2], const double other[2])
+{
+    const double way[2] = {other[0] - v[0], other[1] - v[1]};
+
+    for (int i = 0; i < 2; i++)
+        v[i] += gain[i][0] * way[0] + gain[i][1] * way[1];
+}
+
+/* (I - K) A (I - K)' + K B K', with any gain. */
+static void blend_covariance(const double gain[2][2], double a[2][2],
+                             const double b[2][2])
+{
+    double out[2][2] = {{0.0}};
+
+    for (int i = 0; i < 2; i++)
+        for (int j = 0; j < 2; j++)
+            for (int k = 0; k < 2; k++)
+                for (int l = 0; l < 2; l++)
+                    out[i][j] += ((i == k) - gain[i][k]) * a[k][l] *
+                                     ((j == l) - gain[j][l]) +
+                                 gain[i][k] * b[k][l] * gain[j][l];
+    memcpy(a, out, sizeof out);
+}
+
+static void join_velocity(struct track_position *p, const struct track_position *other)
+{
+    double gain[2][2];
+    const double apart_m_s[2] = {other->velocity_m_s[0] - p->velocity_m_s[0],
+                                 other->velocity_m_s[1] - p->velocity_m_s[1]};
+
+    if (!p->has_velocity || !other->has_velocity || p->velocity_doubt > 0.0 ||
+        other->velocity_doubt > 0.0 ||
+        !weigh(apart_m_s, (const double(*)[2])p->velocity_m2_s2,
+               (const double(*)[2])other->velocity_m2_s2, VELOCITY_GATE, gain))
+        return;
+    blend((const double(*)[2])gain, p->velocity_m_s, other->velocity_m_s);
+    blend_covariance((const double(*)[2])gain, p->velocity_m2_s2,
+                     (const double(*)[2])other->velocity_m2_s2);
+}
+
+bool track_position_join(struct track_position *p, const struct track_position *other,
+                         double gate2)
+{
+    const double apart_m[2] = {other->at_m[0] - p->at_m[0], other->at_m[1] - p->at_m[1]};
+    double gain[2][2];
+
+    if (!weigh(apart_m, (const double(*)[2])p->walker_m2,
+               (const double(*)[2])other->walker_m2, gate2, gain))
+        return false;
+    const double(*k)[2] = (const double(*)[2])gain;
+    blend(k, p->at_m, other->at_m);
+    blend(k, p->middle_m, other->middle_m);
+    blend_covariance(k, p->walker_m2, (const double(*)[2])other->walker_m2);
+    blend_covariance(k, p->covariance_m2, (const double(*)[2])other->covariance_m2);
+    join_velocity(p, other);
+    return true;
+}
+
 void track_filter_start(struct track_filter *f, const struct track_position *p,
                         double speed_m_s)
 {

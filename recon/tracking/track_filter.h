@@ -50,6 +50,13 @@ void track_filter_predict(struct track_filter *f, double dt_s, double psd_m2_s3)
 /* Its covariance is so many times as large. */
 void track_position_doubt(struct track_position *p, double times);
 
+/* The same thing measured once more, by errors of their own: *p becomes the mean of both,
+ * each by how sure it is, as of somebody who walks; so does its velocity, unless one may
+ * be wrong.  Heights and lag stay.  false: the places differ by more than gate2
+ * (Mahalanobis, squared), *p stays what it was. */
+bool track_position_join(struct track_position *p, const struct track_position *other,
+                         double gate2);
+
 struct track_match {
     double distance2; /* Mahalanobis, squared, with the height where it is measured */
     double density;   /* of the measured position in the plane, 1/m^2 */

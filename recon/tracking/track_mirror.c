@@ -26,6 +26,16 @@ double track_mirror_beyond_m(const struct track_mirror *m, const double p[3])
            m->distance_m + BODY_M;
 }
 
+struct track_mirror track_mirror_after(const struct ego_step *step,
+                                       const struct track_mirror *m)
+{
+    struct track_mirror out = *m;
+
+    out.distance_m -= m->normal[0] * step->dx_m + m->normal[1] * step->dy_m;
+    ego_step_turn(step, m->normal, out.normal);
+    return out;
+}
+
 static struct track_mirror over_ground(const struct ego_step *pose,
                                        const struct track_mirror *m)
 {

@@ -105,10 +105,16 @@ bool track_rests_elsewhere(const struct tracker *t, const struct track_scan *sca
 void track_associate(struct tracker *t, const struct track_scan *scan, double fresh,
                      size_t *mine, size_t *whose);
 
-/* The detections of one owner as one: its middle, with their scatter; *detection is the
- * strongest. */
+/* The detections of one owner as one.  Each wall that shows it measures it anew. */
+struct track_gathered {
+    struct track_position middle;            /* by all walls together */
+    struct track_position by[TRACK_MIRRORS]; /* [n_walls] by each, with their scatter */
+    size_t n_walls;   /* the first is `followed`, unless another shows it far louder */
+    size_t detection; /* the strongest by way of that */
+    double extent_m[3], existence;
+};
 void track_gather(const struct tracker *t, const struct track_scan *scan,
-                  const size_t *whose, size_t owner, struct track_position *middle,
-                  double extent_m[3], double *existence, size_t *detection);
+                  const size_t *whose, size_t owner, uint32_t followed,
+                  struct track_gathered *out);
 
 #endif

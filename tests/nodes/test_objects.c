@@ -191,6 +191,38 @@ static void the_error_of_the_wall_is_in_the_covariance(void **state)
         assert_near(p.covariance_m2[i], expected[i], 1e-15);
 }
 
+/* Behind both; the one ahead is first on the way there. */
+static void an_object_is_placed_by_the_wall_that_is_chosen(void **state)
+{
+    (void)state;
+    const struct survey s = {.temperature_c = NAN};
+    struct walls walls = {
+        .n = 2,
+        .list = {{1, {.normal = {0, 0, 1}, .distance_m = 1.0}, {0, 5}},
+                 {4, {.normal = {1, 0, 0}, .distance_m = 2.0}, {0, 5}}}};
+    struct detection d = point(2.5, 0, 1.8);
+    struct object_list list;
+    struct placement by_the_other;
+
+    d.extent_m[2] = 0.3;
+    objects_list(&list, &s, &walls, &d, 1);
+    assert_int_equal(list.objects[0].place.wall, 1);
+    objects_place_by(&list.objects[0], &s, &walls, 1);
+    const struct placement *p = &list.objects[0].place;
+    assert_int_equal(p->wall, 4);
+    assert_near(p->position_m[0], 1.5, 1e-12);
+    assert_near(p->position_m[2], 1.8, 1e-12);
+    walls.list[0] = walls.list[1]; /* as if that were the only one, in its way */
+    walls.n = 1;
+    objects_place(&by_the_other, &s, &walls, &d);
+    for (int i = 0; i < 6; i++)
+        assert_near(p->covariance_m2[i], by_the_other.covariance_m2[i], 1e-15);
+    assert_near(p->extent_m[2], 0.3, 1e-12);
+    objects_place_by(&list.objects[0], &s, &walls, walls.n);
+    assert_int_equal(p->wall, 0);
+    assert_near(p->position_m[0], 2.5, 1e-12);
+}
+
 static void each_object_is_mirrored_by_its_wall_or_by_none(void **state)
 {
     (void)state;
@@ -433,6 +465,7 @@ int main(void)
         cmocka_unit_test(extents_are_mirrored_and_turned_like_the_position),
         cmocka_unit_test(a_turned_extent_is_the_box_around_it),
         cmocka_unit_test(the_error_of_the_wall_is_in_the_covariance),
+        cmocka_unit_test(an_object_is_placed_by_the_wall_that_is_chosen),
         cmocka_unit_test(each_object_is_mirrored_by_its_wall_or_by_none),
         cmocka_unit_test(a_line_array_does_not_tell_heights),
         cmocka_unit_test(what_the_image_tells_is_meant_for_the_assumed_height),

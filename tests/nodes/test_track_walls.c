@@ -61,18 +61,25 @@ static struct wall plane_of(const struct told_wall *w)
                          .distance_m = w->distance_m};
 }
 
-/* Somebody at (x, z) in the array frame, by way of a wall that is there. */
-static void show(struct rig *r, const struct told_wall *by, double x_m, double z_m)
+/* Somebody at (x, z) in the array frame, out by way of a wall that is there, and back by
+ * way of another or the same. */
+static void show(struct rig *r, const struct told_wall *out, const struct told_wall *back,
+                 double x_m, double z_m)
 {
-    const struct wall wall = plane_of(by);
-    double image_m[3];
+    const struct wall there = plane_of(out), home = plane_of(back);
+    float power = out == back ? 1.0f : 0.5f; /* each speaker has it at another range */
+    double image_m[3], out_m[3];
 
-    wall_mirror(&wall, (double[3]){x_m, 0.0, z_m}, image_m);
+    wall_mirror(&there, (double[3]){x_m, 0.0, z_m}, out_m);
+    wall_mirror(&home, (double[3]){x_m, 0.0, z_m}, image_m);
+    double part = 0.5 + 0.5 * hypot(out_m[0], out_m[2]) / hypot(image_m[0], image_m[2]);
+    for (int a = 0; a < 3; a++)
+        image_m[a] *= part;
     for (int z = 0; z < NZ; z++)
         for (int x = 0; x < NX; x++) {
             double dx = (-2.0 + 0.04 * x - image_m[0]) / 0.05,
                    dz = (0.9 + 0.04 * z - image_m[2]) / 0.05;
-            r->intensity[z][0][x] += (float)exp(-0.5 * (dx * dx + dz * dz));
+            r->intensity[z][0][x] += power * (float)exp(-0.5 * (dx * dx + dz * dz));
         }
 }
 
@@ -252,6 +259,10 @@ static const struct told_wall other[MAX_WALLS] = {AHEAD(9, 1.1)};
 static const struct told_wall both[MAX_WALLS] = {AHEAD(7, 0.8),
                                                  {5, 0.9, SLANTED, {0.0, 10.0}}};
 static const struct told_wall slanted[MAX_WALLS] = {{5, 0.9, SLANTED, {0.0, 10.0}}};
+/* Aside he is imaged past the image's end; across, as it is heard here only, 0.6 m and
+ * more behind himself. */
+static const struct told_wall corner[MAX_WALLS] = {AHEAD(7, 0.8),
+                                                   {5, 1.5, 1.0471976, {0.0, 10.0}}};
 /* One of them mirrors what is near, the other what is far. */
 static const struct told_wall apart[MAX_WALLS] = {{7, 0.8, 0.0, {0.0, 2.6}},
                                                   {6, 0.6, 0.0, {2.6, 10.0}}};
@@ -438,6 +449,12 @@ static const struct sequence sequences[] = {
      2.0,
      WAY,
      false},
+    {"two walls mirror him, and he is heard across",
+     {corner, corner, corner},
+     {corner, corner, corner},
+     1.0,
+     SHORT_WAY,
+     false},
 };
 
 static double walk(const struct sequence *q, double t_s)
@@ -468,9 +485,12 @@ static uint32_t run(struct rig *r, const struct sequence *q, int part, double fo
 
     for (; t_s < from_s + for_s - 1e-6; t_s = 1e-9 * (double)(r->stamp_ns - BEGIN_NS)) {
         tell(r, q->told[part]);
-        for (int i = 0; i < MAX_WALLS; i++)
-            if (q->there[part][i].id)
-                show(r, &q->there[part][i], walk(q, t_s), -0.4);
+        for (int i = 0; i < MAX_WALLS * MAX_WALLS; i++) {
+            const struct told_wall *out = &q->there[part][i / MAX_WALLS],
+                                   *back = &q->there[part][i % MAX_WALLS];
+            if (out->id && back->id && (out == back || q->there[part] == corner))
+                show(r, out, back, walk(q, t_s), -0.4);
+        }
         image(r);
         assert_true(count_tracks(r) <= how_many(q->told[part], q->there[part]));
         if (count_tracks(r))
@@ -543,7 +563,7 @@ static void who_is_heard_no_more_ends_at_the_wall(void **state)
         double z_m = -0.8 + 0.12 * k;
         tell(r, ahead);
         if (z_m < 0.3)
-            show(r, &ahead[0], 0.2, z_m);
+            show(r, &ahead[0], &ahead[0], 0.2, z_m);
         image(r);
         if (!r->list->n_detections)
             continue;
@@ -565,7 +585,7 @@ static void nobody_is_surer_than_the_wall_that_shows_him(void **state)
         for (int k = 0; k < 12; k++) {
             r->existence = said[w];
             tell(r, ahead);
-            show(r, &ahead[0], 0.2, -0.4);
+            show(r, &ahead[0], &ahead[0], 0.2, -0.4);
             image(r);
         }
         double existence = r->list->detections[0]->existence;
@@ -586,7 +606,7 @@ static void a_wall_that_nobody_tells_of_is_not_known(void **state)
     for (int k = 0; k < 40; k++) {
         if (k == 31)
             memset(r->told, 0, sizeof r->told);
-        show(r, &ahead[0], 0.2, -0.4);
+        show(r, &ahead[0], &ahead[0], 0.2, -0.4);
         image(r);
         if (k > 8)
             assert_int_equal(r->list->detections[0]->position_m != NULL, k <= 30);
@@ -641,7 +661,7 @@ static void who_leaves_the_end_of_a_wall_is_out_of_view_not_missed(void **state)
             double x_m = -0.8 + 0.1 * k;
             tell(r, ahead);
             if (x_m < 1.25) /* sound by way of (x, -0.4) comes from 0.4 x of the wall */
-                show(r, &ahead[0], x_m, -0.4);
+                show(r, &ahead[0], &ahead[0], x_m, -0.4);
             image(r);
         }
         assert_int_equal(r->list->n_detections, 1);

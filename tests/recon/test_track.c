@@ -690,6 +690,90 @@ static double spread_after(struct rig *r, bool known)
     return r->reports[0].covariance_m2[0];
 }
 
+static void know_two_walls(struct rig *r)
+{
+    r->scan.n_mirrors = 2;
+    r->scan.mirrors[0] =
+        (struct track_mirror){.id = 3, .normal = {1.0, 0.0, 0.0}, .distance_m = 6.0};
+    r->scan.mirrors[1] =
+        (struct track_mirror){.id = 8, .normal = {0.8, 0.6, 0.0}, .distance_m = 6.0};
+}
+
+static struct track_detection *see_by(struct rig *r, uint32_t wall, double x, double y,
+                                      double sigma)
+{
+    struct track_detection *d = see(r, x, y, sigma);
+
+    d->mirror = wall;
+    d->power = wall == 3 ? 1.0 : 0.5;
+    return d;
+}
+
+/* Twice as surely: of two places with errors of their own the mean has half the variance.
+ * And what is imaged by both at its first look is there, and is told. */
+static void who_is_shown_by_two_walls_is_one_and_surer(void **state)
+{
+    struct rig *r = *state;
+    double m2[2];
+
+    for (int both = 0; both < 2; both++) {
+        use(r);
+        know_two_walls(r);
+        for (int k = 0; k < 8; k++) {
+            see_by(r, 3, 2.0, 1.0, 0.2);
+            if (both)
+                see_by(r, 8, 2.1, 1.0, 0.2);
+            step(r);
+            assert_int_equal(r->n, both || k >= 2);
+        }
+        assert_near(r->reports[0].position_m[0], both ? 2.05 : 2.0, 0.002);
+        m2[both] = r->reports[0].covariance_m2[0];
+    }
+    assert_true(m2[1] < 0.65 * m2[0]);
+}
+
+/* 0.35 m from who is heard, and 0.45 m from who is not, whose place is known to 0.2 m. */
+static void what_two_walls_show_of_one_is_nobody_elses(void **state)
+{
+    struct rig *r = *state;
+
+    know_two_walls(r);
+    for (int k = 0; k < 8; k++) {
+        see_by(r, 3, 2.0, 1.0, 0.2);
+        see_by(r, 3, 2.0, 1.8, 0.2);
+        step(r);
+    }
+    assert_int_equal(r->n, 2);
+    for (int k = 0; k < 2; k++) {
+        see_by(r, 3, 2.0, 1.0, 0.2);
+        see_by(r, 8, 2.0, 1.35, 0.2);
+        step(r);
+        assert_int_equal(r->n, 2);
+        for (size_t i = 0; i < 2; i++)
+            assert_int_equal(r->reports[i].state, r->reports[i].position_m[1] < 1.4
+                                                      ? TRACK_MEASURED
+                                                      : TRACK_PREDICTED);
+    }
+}
+
+static void a_track_stays_with_its_wall_until_another_is_far_louder(void **state)
+{
+    struct rig *r = *state;
+    static const double power[6] = {0.5, 0.5, 0.5, 3.0, 3.0, 5.0};
+
+    know_two_walls(r);
+    for (int k = 0; k < 6; k++) {
+        see_by(r, 3, 2.0, 1.0, 0.1);
+        see_by(r, 8, 2.0, 1.0, 0.1)->power = power[k];
+        step(r);
+        assert_int_equal(r->n, 1);
+        assert_int_equal(r->reports[0].mirror.id, k < 5 ? 3 : 8);
+    }
+    see_by(r, 3, 2.0, 1.0, 0.1);
+    step(r); /* and is heard by the one that is left */
+    assert_int_equal(r->reports[0].mirror.id, 3);
+}
+
 static void unknown_ego_motion_widens_tracks(void **state)
 {
     struct rig *r = *state;
@@ -1402,6 +1486,9 @@ int main(void)
         TEST(what_comes_up_beside_an_object_is_its_own_within_its_reach),
         TEST(what_stands_stands_still_while_the_vehicle_turns),
         TEST(the_mirror_of_a_track_is_told_where_the_vehicle_sees_it),
+        TEST(who_is_shown_by_two_walls_is_one_and_surer),
+        TEST(what_two_walls_show_of_one_is_nobody_elses),
+        TEST(a_track_stays_with_its_wall_until_another_is_far_louder),
         TEST(unknown_ego_motion_widens_tracks),
         TEST(the_images_age_is_taken_out),
         TEST(the_age_of_an_objects_middle_is_the_middle_of_the_ages),

@@ -309,9 +309,75 @@ static void a_height_that_is_assumed_is_not_averaged(void **state)
     assert_near(track_filter_match(&f, &p).distance2, 8.0, 1e-6);
 }
 
+static struct track_position walker(double x, double y, double x_m2, double y_m2)
+{
+    return (struct track_position){.at_m = {x, y},
+                                   .middle_m = {0.5 * x, 0.0},
+                                   .walker_m2 = {{x_m2, 0.0}, {0.0, y_m2}},
+                                   .covariance_m2 = {{x_m2 + 0.05, 0.0}, {0.0, y_m2}}};
+}
+
+/* 0.04 and 0.01 m2 to 0.01 and 0.04: of x four fifths of the second, of y of the first,
+ * 0.04 0.01 / 0.05 = 0.008 m2 are left; of x with 0.05 m2 more in both, (1/5)^2 0.05 +
+ * (4/5)^2 0.05 = 0.034 m2 more. */
+static void the_same_measured_twice_is_the_mean_by_how_sure_each_is(void **state)
+{
+    struct track_position p = walker(0.0, 0.0, 0.04, 0.01);
+    const struct track_position other = walker(0.1, 0.2, 0.01, 0.04);
+
+    (void)state;
+    assert_true(track_position_join(&p, &other, 9.0));
+    assert_near(p.at_m[0], 0.08, 1e-6);
+    assert_near(p.at_m[1], 0.04, 1e-6);
+    assert_near(p.middle_m[0], 0.04, 1e-6);
+    assert_near(p.walker_m2[0][0], 0.008, 1e-6);
+    assert_near(p.walker_m2[1][1], 0.008, 1e-6);
+    assert_near(p.walker_m2[0][1], 0.0, 1e-9);
+    assert_near(p.covariance_m2[0][0], 0.042, 1e-6);
+}
+
+/* 1 m in 0.1 m2 is 10. */
+static void what_is_too_far_apart_is_not_the_same(void **state)
+{
+    struct track_position p = walker(0.0, 0.0, 0.05, 0.05);
+    const struct track_position other = walker(1.0, 0.0, 0.05, 0.05);
+
+    (void)state;
+    assert_false(track_position_join(&p, &other, 9.9));
+    assert_near(p.at_m[0], 0.0, 0.0);
+    assert_near(p.walker_m2[0][0], 0.05, 0.0);
+    assert_true(track_position_join(&p, &other, 10.1));
+    assert_near(p.at_m[0], 0.5, 1e-6);
+}
+
+/* Each wall tells well how fast somebody goes along its own sight of him. */
+static void velocities_along_two_sights_tell_all_of_it(void **state)
+{
+    struct track_position p = walker(0.0, 0.0, 0.01, 0.01), other = p;
+
+    (void)state;
+    p.has_velocity = other.has_velocity = true;
+    p.velocity_m_s[0] = 1.0;
+    other.velocity_m_s[1] = 0.5;
+    p.velocity_m2_s2[0][0] = other.velocity_m2_s2[1][1] = 0.01;
+    p.velocity_m2_s2[1][1] = other.velocity_m2_s2[0][0] = 0.99;
+    struct track_position first = p;
+    assert_true(track_position_join(&p, &other, 9.0));
+    assert_near(p.velocity_m_s[0], 0.99, 1e-6);
+    assert_near(p.velocity_m_s[1], 0.495, 1e-6);
+    assert_near(p.velocity_m2_s2[0][0], 0.0099, 1e-6);
+    other.velocity_doubt = 0.1; /* that one may be wrong: */
+    assert_true(track_position_join(&first, &other, 9.0));
+    assert_near(first.velocity_m_s[1], 0.0, 0.0);
+    assert_near(first.velocity_m2_s2[1][1], 0.99, 0.0);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(the_same_measured_twice_is_the_mean_by_how_sure_each_is),
+        cmocka_unit_test(what_is_too_far_apart_is_not_the_same),
+        cmocka_unit_test(velocities_along_two_sights_tell_all_of_it),
         cmocka_unit_test(what_stands_is_averaged),
         cmocka_unit_test(two_positions_tell_the_velocity),
         cmocka_unit_test(uncertainty_grows_as_it_should),
