@@ -530,6 +530,24 @@ static void whatever_becomes_of_walls_nobody_is_told_beyond_one_or_twice(void **
     }
 }
 
+/* Of one who is hidden himself just then, for half a second. */
+static void an_echo_across_of_one_who_is_tracked_is_nobody(void **state)
+{
+    struct rig *r = *state;
+
+    tell(r, corner);
+    for (int k = 0; k < 20; k++) {
+        show(r, &corner[0], &corner[0], -0.8 + 0.05 * k, -0.4);
+        image(r);
+    }
+    assert_int_equal(count_tracks(r), 1);
+    for (int k = 20; k < 25; k++) {
+        show(r, &corner[1], &corner[0], -0.8 + 0.05 * k, -0.4);
+        image(r);
+        assert_int_equal(count_tracks(r), 1);
+    }
+}
+
 /* In images with what stands in them, as of a vehicle that moves: without a wall nothing
  * is heard there that hides. */
 static void nor_where_what_stands_is_left_in_the_image(void **state)
@@ -684,6 +702,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(whatever_becomes_of_walls_nobody_is_told_beyond_one_or_twice),
         cmocka_unit_test(nor_where_what_stands_is_left_in_the_image),
+        TEST(an_echo_across_of_one_who_is_tracked_is_nobody),
         TEST(who_is_heard_no_more_ends_at_the_wall),
         TEST(nobody_is_surer_than_the_wall_that_shows_him),
         TEST(a_wall_that_nobody_tells_of_is_not_known),
