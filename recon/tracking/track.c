@@ -440,6 +440,7 @@ static void continue_track(struct tracker *t, const struct track_scan *scan, siz
         m = as_car;
     }
     track_life_update(&k->life, &t->life, true, ratio_of(t, scan, m.density), fresh);
+    /* Each wall that shows it is a look of its own. */
     for (size_t wall = 1; !k->body.n && wall < its.n_walls; wall++) {
         m = track_body_match(k, &its.by[wall], NULL);
         track_life_update(&k->life, &t->life, true, ratio_of(t, scan, m.density), fresh);

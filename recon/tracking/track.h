@@ -21,7 +21,11 @@
  *     imaged; as soon as a mirror stands before it there, it is mirrored at that one;
  *   - what a mirror moved by more than is not known of it may really be where it was
  *     imaged, or where it was told to be (the wall itself moved): the covariance grows by
- *     that difference, so that the next detection decides.
+ *     that difference, so that the next detection decides;
+ *   - several show it at one place: the weaker detection goes with the stronger and feeds
+ *     no other track.  Each mirror is a look of its own, and measures place and velocity
+ *     anew, by errors of its own; it is followed by the one that it was measured by,
+ *     unless another shows it four times as loud.
  *
  * A track has a place when it was measured by way of a mirror that has been known ever
  * since and has not jumped; before, it is reported without one, and ends where no mirror
