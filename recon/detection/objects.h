@@ -103,7 +103,8 @@ void objects_list(struct object_list *out, const struct survey *s,
 void objects_place(struct placement *out, const struct survey *s,
                    const struct walls *walls, const struct detection *detection);
 
-/* One that is of no track, as if the wall of that index had mirrored it. */
+/* One that is of no track, as if the wall of that index had mirrored it; walls->n: as if
+ * none had. */
 void objects_place_by(struct object *o, const struct survey *s, const struct walls *walls,
                       size_t wall);
 

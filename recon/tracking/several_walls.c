@@ -25,15 +25,6 @@ void several_walls_init(struct several_walls *s, const struct sight *sight,
     s->n = 0;
 }
 
-static double behind_m(const struct wall *w, const double p_m[3])
-{
-    struct wall away = *w;
-
-    wall_face(&away);
-    return away.normal[0] * p_m[0] + away.normal[1] * p_m[1] + away.normal[2] * p_m[2] -
-           away.distance_m;
-}
-
 static double range_of(const double p_m[3])
 {
     return hypot(hypot(p_m[0], p_m[1]), p_m[2]);
@@ -59,7 +50,7 @@ static bool is_shown(const struct several_walls *s, size_t by, const double virt
     for (size_t i = 0; i < walls->n; i++) {
         const struct wall *other = &walls->list[i].plane;
         if (i != by && wall_beyond_end_m(other, foot_m) <= 0.0 &&
-            behind_m(other, foot_m) > WALL_END_MARGIN_M)
+            sight_behind_m(s->sight, walls->list[i].id, foot_m) > WALL_END_MARGIN_M)
             return false;
     }
     return true;
