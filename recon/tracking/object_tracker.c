@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "recon/processing.h"
-#include "recon/tracking/several_walls.h"
+#include "recon/tracking/several_ways.h"
 #include "recon/tracking/sidelobes.h"
 #include "recon/tracking/sight.h"
 #include "recon/tracking/timing.h"
@@ -399,7 +399,7 @@ static double level_of(const struct object_tracker *t, size_t report)
 }
 
 /* Who is tracked, the loudest first. */
-static void know_tracks(const struct object_tracker *t, struct several_walls *known)
+static void know_tracks(const struct object_tracker *t, struct several_ways *known)
 {
     bool taken[TRACKS_MAX] = {false};
 
@@ -410,23 +410,23 @@ static void know_tracks(const struct object_tracker *t, struct several_walls *kn
                 next = i;
         taken[next] = true;
         if (t->reports[next].unseen_s < KNOWN_S)
-            several_walls_know(known, t->places_m[next], t->reports[next].mirror.id,
+            several_ways_know(known, t->places_m[next], t->reports[next].mirror.id,
                                level_of(t, next));
     }
 }
 
 /* By way of which wall it is imaged; false: it is nobody. */
 static bool find_wall(const struct object_tracker *t, const struct sight *sight,
-                      struct several_walls *known, struct object *o)
+                      struct several_ways *known, struct object *o)
 {
-    uint32_t wall = several_walls_show(known, o->virtual_m, o->place.wall, o->level_db);
+    uint32_t wall = several_ways_show(known, o->virtual_m, o->place.wall, o->level_db);
 
     for (size_t i = 0; wall != o->place.wall && i < sight->walls->n; i++)
         if (sight->walls->list[i].id == wall)
             objects_place_by(o, &t->detector.survey, sight->walls, i);
-    if (wall != SEVERAL_WALLS_NOBODY)
-        several_walls_know(known, o->place.position_m, wall, o->level_db);
-    return wall != SEVERAL_WALLS_NOBODY;
+    if (wall != SEVERAL_WAYS_NOBODY)
+        several_ways_know(known, o->place.position_m, wall, o->level_db);
+    return wall != SEVERAL_WAYS_NOBODY;
 }
 
 /* Brings to the front of the list, in the order they had, what is tracked: neither the
@@ -437,11 +437,11 @@ static size_t choose_candidates(const struct object_tracker *t, const struct sig
 {
     struct sidelobe_array array = {.margin_db = t->cfg.sidelobe_db};
     struct sidelobe_source seen[OBJECTS_MAX];
-    struct several_walls known;
+    struct several_ways known;
     size_t chosen = 0;
 
     sidelobe_array_measure(&array, &t->detector.survey);
-    several_walls_init(&known, sight, &t->detector.survey);
+    several_ways_init(&known, sight, &t->detector.survey);
     know_tracks(t, &known);
     for (size_t i = 0; i < list->n; i++)
         seen[i] =
@@ -461,13 +461,13 @@ static size_t choose_candidates(const struct object_tracker *t, const struct sig
 
 /* As loud as its track where it is imaged by the wall that it was heard by; elsewhere as
  * its way there and back is longer or shorter. */
-static void add_sources(struct object_tracker *t, const struct several_walls *walls,
+static void add_sources(struct object_tracker *t, const struct several_ways *walls,
                         const struct track_report *k, const double at_m[3],
                         const struct track_mirror *own)
 {
     double images_m[IMAGES_MAX][3], own_m = 0.0;
     size_t n =
-        several_walls_images(walls, at_m, own, images_m, IMAGES_MAX - t->n_sources);
+        several_ways_images(walls, at_m, own, images_m, IMAGES_MAX - t->n_sources);
 
     if (k->unseen_s >= KNOWN_S && n > 1)
         n = 1;
@@ -484,9 +484,9 @@ static void add_sources(struct object_tracker *t, const struct several_walls *wa
 static void place_tracks(struct object_tracker *t, const struct sight *sight,
                          const struct ego_step *ego, double dt_s)
 {
-    struct several_walls walls;
+    struct several_ways walls;
 
-    several_walls_init(&walls, sight, &t->detector.survey);
+    several_ways_init(&walls, sight, &t->detector.survey);
     t->n_sources = 0;
     for (size_t i = 0; i < t->n_reports; i++) {
         const struct track_report *k = &t->reports[i];
@@ -602,12 +602,12 @@ static void learn_residue(struct object_tracker *t, const struct volume *volume,
 {
     double held_m[IMAGES_MAX][3], known_m[IMAGES_MAX][3];
     size_t n = 0, n_known = 0;
-    struct several_walls walls;
+    struct several_ways walls;
 
-    several_walls_init(&walls, sight, &t->detector.survey);
+    several_ways_init(&walls, sight, &t->detector.survey);
     for (size_t i = 0; i < t->n_reports; i++) {
         const struct track_report *k = &t->reports[i];
-        size_t more = several_walls_images(&walls, k->heard_m, &k->mirror,
+        size_t more = several_ways_images(&walls, k->heard_m, &k->mirror,
                                            known_m + n_known, IMAGES_MAX - n_known);
         if (has_travelled(t, k, !volume->standing_left)) {
             memcpy(held_m[n], known_m[n_known], more * sizeof *known_m);

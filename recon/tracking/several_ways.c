@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "recon/tracking/several_walls.h"
+#include "recon/tracking/several_ways.h"
 
 #include <math.h>
 
@@ -12,7 +12,7 @@
 
 static const double array_m[3] = {0.0, 0.0, 0.0};
 
-void several_walls_init(struct several_walls *s, const struct sight *sight,
+void several_ways_init(struct several_ways *s, const struct sight *sight,
                         const struct survey *survey)
 {
     struct sidelobe_array array;
@@ -33,7 +33,7 @@ static double range_of(const double p_m[3])
 /* Sound on the straight way to an image turns back at the wall between its ends, and in
  * front of the others, give or take what an array looks past an end.  Where a wall is
  * looked at as far as all is heard, it shows what comes from beyond that. */
-static bool is_shown(const struct several_walls *s, size_t by, const double virtual_m[3])
+static bool is_shown(const struct several_ways *s, size_t by, const double virtual_m[3])
 {
     const struct walls *walls = s->sight->walls;
     const struct wall *w = &walls->list[by].plane;
@@ -70,7 +70,7 @@ static double misfit(const double virtual_m[3], const double toward_m[3], double
 
 /* Of a body, by way of a wall; beyond: of what is heard of it at the end of the image,
  * which it has left. */
-static double misfit_by(const struct several_walls *s, const struct several_walls_body *b,
+static double misfit_by(const struct several_ways *s, const struct several_ways_body *b,
                         size_t wall, const double virtual_m[3], bool *beyond)
 {
     double range_m = range_of(b->virtual_m[wall]);
@@ -83,8 +83,8 @@ static double misfit_by(const struct several_walls *s, const struct several_wall
 
 /* Out by way of one and back by way of another.  A speaker off the middle of the array is
  * nearer to the one image than to the other. */
-static double misfit_across(const struct several_walls *s,
-                            const struct several_walls_body *b, const double virtual_m[3])
+static double misfit_across(const struct several_ways *s,
+                            const struct several_ways_body *b, const double virtual_m[3])
 {
     double best = INFINITY;
 
@@ -107,13 +107,13 @@ struct fit {
     uint32_t known_by, other_by;
 };
 
-static struct fit fit_all(const struct several_walls *s, const double virtual_m[3],
+static struct fit fit_all(const struct several_ways *s, const double virtual_m[3],
                           double level_db)
 {
     struct fit f = {INFINITY, INFINITY, INFINITY, 0, 0};
 
     for (size_t i = 0; i < s->n; i++) {
-        const struct several_walls_body *b = &s->bodies[i];
+        const struct several_ways_body *b = &s->bodies[i];
         if (level_db <= b->level_db + GLINTS_DB)
             f.none = fmin(f.none, misfit_across(s, b, virtual_m));
         for (size_t w = 0; w < s->n_walls; w++) {
@@ -133,7 +133,7 @@ static struct fit fit_all(const struct several_walls *s, const double virtual_m[
     return f;
 }
 
-uint32_t several_walls_show(const struct several_walls *s, const double virtual_m[3],
+uint32_t several_ways_show(const struct several_ways *s, const double virtual_m[3],
                             uint32_t wall, double level_db)
 {
     if (s->n_walls < 2)
@@ -142,14 +142,14 @@ uint32_t several_walls_show(const struct several_walls *s, const double virtual_
     if (f.known <= 1.0)
         return f.known_by;
     if (f.none <= 1.0)
-        return SEVERAL_WALLS_NOBODY;
+        return SEVERAL_WAYS_NOBODY;
     return f.other <= 1.0 ? f.other_by : wall;
 }
 
-static struct several_walls_body body_at(const struct several_walls *s,
+static struct several_ways_body body_at(const struct several_ways *s,
                                          const double at_m[3], double level_db)
 {
-    struct several_walls_body b = {.level_db = level_db};
+    struct several_ways_body b = {.level_db = level_db};
 
     for (size_t i = 0; i < s->n_walls; i++) {
         sight_virtual(s->sight, &s->mirrors[i], at_m, b.virtual_m[i]);
@@ -158,10 +158,10 @@ static struct several_walls_body body_at(const struct several_walls *s,
     return b;
 }
 
-size_t several_walls_images(const struct several_walls *s, const double at_m[3],
+size_t several_ways_images(const struct several_ways *s, const double at_m[3],
                             const struct track_mirror *own, double (*out)[3], size_t max)
 {
-    const struct several_walls_body b = body_at(s, at_m, 0.0);
+    const struct several_ways_body b = body_at(s, at_m, 0.0);
     size_t n = 0;
 
     if (max)
@@ -180,10 +180,10 @@ size_t several_walls_images(const struct several_walls *s, const double at_m[3],
     return n;
 }
 
-bool several_walls_know(struct several_walls *s, const double at_m[3], uint32_t wall,
+bool several_ways_know(struct several_ways *s, const double at_m[3], uint32_t wall,
                         double level_db)
 {
-    struct several_walls_body b = body_at(s, at_m, level_db);
+    struct several_ways_body b = body_at(s, at_m, level_db);
 
     while (b.wall < s->n_walls && s->mirrors[b.wall].id != wall)
         b.wall++;

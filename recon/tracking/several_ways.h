@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* recon/tracking/several_walls.h -- one body that several walls mirror.  By way of each
+/* recon/tracking/several_ways.h -- one body that several walls mirror.  By way of each
  * of them it has an image where it is one body, and two more that are none: out by way of
  * one wall and back by way of another, an echo comes from where the wall that it comes
  * back by shows the body, at the mean of both ranges.  (One speaker sounds at a time, so
@@ -8,20 +8,20 @@
  *
  * And where two walls meet, an image by way of the one is seen past its edge, as if the
  * other stood before it: by that other it would be of somebody elsewhere. */
-#ifndef ANLOS_RECON_TRACKING_SEVERAL_WALLS_H
-#define ANLOS_RECON_TRACKING_SEVERAL_WALLS_H
+#ifndef ANLOS_RECON_TRACKING_SEVERAL_WAYS_H
+#define ANLOS_RECON_TRACKING_SEVERAL_WAYS_H
 
 #include "recon/detection/objects.h"
 #include "recon/tracking/sight.h"
 
-struct several_walls {
+struct several_ways {
     const struct sight *sight;
     size_t n_walls;
     struct track_mirror mirrors[TRACK_MIRRORS];
     double half_m; /* from the array's middle to its ends, along x */
     double far_m;  /* what is heard ends there */
     size_t n;
-    struct several_walls_body { /* that is known */
+    struct several_ways_body { /* that is known */
         double level_db;
         size_t wall;               /* by which it is known */
         bool shown[TRACK_MIRRORS]; /* by a wall: before it, between its ends, in its gate
@@ -31,26 +31,26 @@ struct several_walls {
 };
 
 /* Borrows sight. */
-void several_walls_init(struct several_walls *s, const struct sight *sight,
+void several_ways_init(struct several_ways *s, const struct sight *sight,
                         const struct survey *survey);
 
 /* All places of the array frame, out[max], at which somebody at a place of the vehicle
  * frame is imaged: first by his own mirror, then by the walls that are known.  Returns
  * how many. */
-size_t several_walls_images(const struct several_walls *s, const double at_m[3],
+size_t several_ways_images(const struct several_ways *s, const double at_m[3],
                             const struct track_mirror *own, double (*out)[3], size_t max);
 
 /* Who is known to be at a place of the vehicle frame, imaged by way of a wall: false, and
  * not taken, where it is rather an echo of one that is known already and as bright. */
-bool several_walls_know(struct several_walls *s, const double at_m[3], uint32_t wall,
+bool several_ways_know(struct several_ways *s, const double at_m[3], uint32_t wall,
                         double level_db);
 
 /* By way of which wall somebody is imaged there, array frame: its id; that of `wall`,
  * which stands before it (0: none does), unless it is of one who is known by another.
  * Or nobody is: out by one and back by another, or where what is heard ends, by the
  * sidelobes of one who is beyond. */
-#define SEVERAL_WALLS_NOBODY UINT32_MAX
-uint32_t several_walls_show(const struct several_walls *s, const double virtual_m[3],
+#define SEVERAL_WAYS_NOBODY UINT32_MAX
+uint32_t several_ways_show(const struct several_ways *s, const double virtual_m[3],
                             uint32_t wall, double level_db);
 
 #endif

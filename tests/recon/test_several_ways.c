@@ -4,14 +4,14 @@
  * away, and at (1.02, 0, 4.36), 4.478 m away: across at 3.916 m. */
 #include "tests/recon/near.h"
 
-#include "recon/tracking/several_walls.h"
+#include "recon/tracking/several_ways.h"
 
 #define AHEAD  7 /* ids */
 #define ASIDE  9
 #define HALF_M 0.5
 #define DB     20.0
 #define GATE_M 6.0
-#define NOBODY SEVERAL_WALLS_NOBODY
+#define NOBODY SEVERAL_WAYS_NOBODY
 
 static const struct walls none = {.n = 0};
 static double microphones_m[2][3] = {{-HALF_M, 0, 0}, {HALF_M, 0, 0}};
@@ -28,7 +28,7 @@ static const double across_aside_m[3] = {0.892, 0, 3.813};
 struct rig {
     struct walls walls;
     struct sight sight;
-    struct several_walls known;
+    struct several_ways known;
 };
 
 static void begin(struct rig *r, size_t n_walls, double gate_m)
@@ -39,20 +39,20 @@ static void begin(struct rig *r, size_t n_walls, double gate_m)
             .list = {{AHEAD, {.normal = {0, 0, 1}, .distance_m = 2}, {0, gate_m}},
                      {ASIDE, {.normal = {0.6, 0, 0.8}, .distance_m = 2}, {0, gate_m}}}}};
     sight_init(&r->sight, &survey, &r->walls, &none, &grid);
-    several_walls_init(&r->known, &r->sight, &survey);
+    several_ways_init(&r->known, &r->sight, &survey);
 }
 
 static void begin_with(struct rig *r, const double at_m[3], uint32_t wall)
 {
     begin(r, 2, GATE_M);
-    assert_true(several_walls_know(&r->known, at_m, wall, DB));
+    assert_true(several_ways_know(&r->known, at_m, wall, DB));
 }
 
 static uint32_t shown(const struct rig *r, double x_m, double z_m, uint32_t wall)
 {
     const double virtual_m[3] = {x_m, 0, z_m};
 
-    return several_walls_show(&r->known, virtual_m, wall, DB);
+    return several_ways_show(&r->known, virtual_m, wall, DB);
 }
 
 static void what_nobody_known_makes_is_shown_by_the_wall_before_it(void **state)
@@ -74,7 +74,7 @@ static void one_wall_shows_everybody_once(void **state)
 
     (void)state;
     begin(&r, 1, GATE_M);
-    assert_true(several_walls_know(&r.known, far_from_aside_m, AHEAD, DB));
+    assert_true(several_ways_know(&r.known, far_from_aside_m, AHEAD, DB));
     assert_int_equal(shown(&r, -1.5, 3, AHEAD), AHEAD);
     assert_int_equal(shown(&r, across_ahead_m[0], across_ahead_m[2], AHEAD), AHEAD);
 }
@@ -124,10 +124,9 @@ static void what_is_far_louder_is_no_echo_of_one_who_is_known(void **state)
 
     (void)state;
     begin_with(&r, far_from_aside_m, AHEAD);
-    assert_int_equal(several_walls_show(&r.known, across_ahead_m, AHEAD, DB + 5.0),
+    assert_int_equal(several_ways_show(&r.known, across_ahead_m, AHEAD, DB + 5.0),
                      NOBODY);
-    assert_int_equal(several_walls_show(&r.known, across_ahead_m, AHEAD, DB + 7.0),
-                     AHEAD);
+    assert_int_equal(several_ways_show(&r.known, across_ahead_m, AHEAD, DB + 7.0), AHEAD);
 }
 
 /* (0, 0, 1) is imaged 3 and 3.256 m away: its echoes across run into both images, and
@@ -154,10 +153,10 @@ static void an_echo_across_is_nobody_to_know(void **state)
 
     (void)state;
     begin_with(&r, far_from_aside_m, AHEAD);
-    assert_false(several_walls_know(&r.known, ghost_m, AHEAD, DB));
+    assert_false(several_ways_know(&r.known, ghost_m, AHEAD, DB));
     assert_int_equal(r.known.n, 1);
-    assert_true(several_walls_know(&r.known, another_m, AHEAD, DB));
-    assert_false(several_walls_know(&r.known, another_m, AHEAD + 1, DB)); /* no wall */
+    assert_true(several_ways_know(&r.known, another_m, AHEAD, DB));
+    assert_false(several_ways_know(&r.known, another_m, AHEAD + 1, DB)); /* no wall */
     assert_int_equal(r.known.n, 2);
 }
 
@@ -171,8 +170,8 @@ static void where_the_image_ends_nobody_is_whom_it_has_lost(void **state)
     (void)state;
     nearer.gate_m[1] = 3.6;
     begin(&r, 2, 3.6);
-    several_walls_init(&r.known, &r.sight, &nearer);
-    assert_true(several_walls_know(&r.known, far_from_aside_m, AHEAD, DB));
+    several_ways_init(&r.known, &r.sight, &nearer);
+    assert_true(several_ways_know(&r.known, far_from_aside_m, AHEAD, DB));
     assert_int_equal(shown(&r, end_m * 1.02, end_m * 4.36, ASIDE), NOBODY);
     assert_int_equal(shown(&r, -1.5, 3, AHEAD), AHEAD);
 }
@@ -185,12 +184,12 @@ static void a_wall_shows_what_is_in_its_gate(void **state)
     (void)state;
     begin(&r, 2, GATE_M);
     r.walls.list[1].gate_m[1] = 4.0;
-    assert_true(several_walls_know(&r.known, far_from_aside_m, AHEAD, DB));
+    assert_true(several_ways_know(&r.known, far_from_aside_m, AHEAD, DB));
     assert_int_equal(shown(&r, 1.02, 4.36, AHEAD), AHEAD);
     assert_int_equal(shown(&r, across_ahead_m[0], across_ahead_m[2], AHEAD), AHEAD);
     begin(&r, 2, GATE_M);
     r.walls.list[1].gate_m[0] = 4.6;
-    assert_true(several_walls_know(&r.known, far_from_aside_m, AHEAD, DB));
+    assert_true(several_ways_know(&r.known, far_from_aside_m, AHEAD, DB));
     assert_int_equal(shown(&r, across_ahead_m[0], across_ahead_m[2], AHEAD), AHEAD);
 }
 
@@ -203,7 +202,7 @@ static void all_images_of_one_who_is_known(void **state)
 
     (void)state;
     begin(&r, 2, GATE_M);
-    assert_int_equal(several_walls_images(&r.known, far_from_aside_m, &own, at_m, 8), 4);
+    assert_int_equal(several_ways_images(&r.known, far_from_aside_m, &own, at_m, 8), 4);
     const double expected[4][2] = {{-1.5, 3},
                                    {across_ahead_m[0], across_ahead_m[2]},
                                    {across_aside_m[0], across_aside_m[2]},
@@ -212,10 +211,10 @@ static void all_images_of_one_who_is_known(void **state)
         assert_near(at_m[i][0], expected[i][0], 1e-3);
         assert_near(at_m[i][2], expected[i][1], 1e-3);
     }
-    assert_int_equal(several_walls_images(&r.known, far_from_aside_m, &own, at_m, 2), 2);
-    assert_int_equal(several_walls_images(&r.known, far_from_aside_m, &own, at_m, 0), 0);
+    assert_int_equal(several_ways_images(&r.known, far_from_aside_m, &own, at_m, 2), 2);
+    assert_int_equal(several_ways_images(&r.known, far_from_aside_m, &own, at_m, 0), 0);
     begin(&r, 0, GATE_M); /* by a wall that is known no more */
-    assert_int_equal(several_walls_images(&r.known, far_from_aside_m, &lost, at_m, 8), 1);
+    assert_int_equal(several_ways_images(&r.known, far_from_aside_m, &lost, at_m, 8), 1);
     assert_near(at_m[0][2], 4.0, 1e-9);
 }
 
@@ -232,15 +231,15 @@ static void what_a_wall_does_not_show_makes_no_echo_across(void **state)
 
     (void)state;
     begin(&r, 2, GATE_M);
-    assert_int_equal(several_walls_images(&r.known, past_m, &own, images_m, 8), 4);
+    assert_int_equal(several_ways_images(&r.known, past_m, &own, images_m, 8), 4);
     r.walls.list[0].plane.ends_m[0] = -0.3; /* along -x: x from -2 to 0.3 */
     r.walls.list[0].plane.ends_m[1] = 2.0;
-    assert_int_equal(several_walls_images(&r.known, past_m, &own, images_m, 8), 1);
+    assert_int_equal(several_ways_images(&r.known, past_m, &own, images_m, 8), 1);
     begin(&r, 2, GATE_M);
     r.walls.list[1].plane.distance_m = 1.70; /* that is 0.45 m behind it, */
-    assert_int_equal(several_walls_images(&r.known, at_m, &own, images_m, 8), 4);
+    assert_int_equal(several_ways_images(&r.known, at_m, &own, images_m, 8), 4);
     r.walls.list[1].plane.distance_m = 1.62; /* and now 0.53 m */
-    assert_int_equal(several_walls_images(&r.known, at_m, &own, images_m, 8), 1);
+    assert_int_equal(several_ways_images(&r.known, at_m, &own, images_m, 8), 1);
 }
 
 int main(void)
