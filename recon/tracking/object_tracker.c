@@ -33,7 +33,8 @@
 #define TRAVELLED_M 0.6
 #define HELD_M      0.6              /* about its middle: all of a person */
 #define KNOWN_S     0.5              /* unseen for longer, he may be elsewhere */
-#define IMAGES_MAX  (4 * TRACKS_MAX) /* of what is tracked, by two walls each */
+#define SEEN_S      3.0              /* straight: he may be out of sight again */
+#define IMAGES_MAX  (5 * TRACKS_MAX) /* of what is tracked, by two walls and straight */
 
 _Static_assert(OBJECTS_MAX <= TRACK_DETECTIONS && TRACKS_MAX <= OBJECTS_MAX, "");
 
@@ -49,9 +50,11 @@ struct lost_walls {
     int64_t lost_ns[WALLS_MAX], used_ns[WALLS_MAX]; /* by what is imaged, last */
 };
 
-/* What the newest detection of a track told besides its place. */
+/* What the newest detection of a track told besides its place, and how loud it was when
+ * the array saw it straight. */
 struct memory {
-    double level_db;
+    double level_db, straight_db;
+    int64_t seen_ns; /* 0: never */
     struct shape_guess shape;
     bool behind_no_wall, in_free_view;
 };
@@ -398,6 +401,17 @@ static double level_of(const struct object_tracker *t, size_t report)
     return t->memory[t->reports[report].id].level_db;
 }
 
+static void know_track(const struct object_tracker *t, size_t report,
+                       struct several_ways *known)
+{
+    const struct track_report *k = &t->reports[report];
+    struct several_ways_body *body =
+        several_ways_know(known, t->places_m[report], k->mirror.id, level_of(t, report));
+
+    if (body)
+        body->track = k->id;
+}
+
 /* Who is tracked, the loudest first. */
 static void know_tracks(const struct object_tracker *t, struct several_ways *known)
 {
@@ -410,8 +424,7 @@ static void know_tracks(const struct object_tracker *t, struct several_ways *kno
                 next = i;
         taken[next] = true;
         if (t->reports[next].unseen_s < KNOWN_S)
-            several_ways_know(known, t->places_m[next], t->reports[next].mirror.id,
-                               level_of(t, next));
+            know_track(t, next, known);
     }
 }
 
@@ -429,11 +442,33 @@ static bool find_wall(const struct object_tracker *t, const struct sight *sight,
     return wall != SEVERAL_WAYS_NOBODY;
 }
 
+static bool was_seen(const struct object_tracker *t, unsigned track)
+{
+    int64_t seen_ns = t->memory[track].seen_ns;
+
+    return seen_ns && fabs(1e-9 * (double)(t->stamp_ns - seen_ns)) < SEEN_S;
+}
+
+/* What is nobody may tell that the array sees him who makes it: an echo that goes out
+ * straight is as loud as the mean of both in dB.  So it may be fainter than him straight
+ * by as much as a sidelobe. */
+static void note_seen(struct object_tracker *t, const struct several_ways *known,
+                      const struct object *o, bool lobe, int64_t stamp_ns)
+{
+    const struct several_ways_body *who =
+        several_ways_see(known, o->virtual_m, o->level_db);
+
+    if (!who || !who->track || (lobe && !was_seen(t, who->track)))
+        return;
+    t->memory[who->track].seen_ns = stamp_ns;
+    t->memory[who->track].straight_db = 2.0 * o->level_db - who->level_db;
+}
+
 /* Brings to the front of the list, in the order they had, what is tracked: neither the
  * wall itself, nor what no wall can have mirrored, nor what may be a sidelobe or has come
- * by way of two walls.  Returns how many they are. */
-static size_t choose_candidates(const struct object_tracker *t, const struct sight *sight,
-                                struct object_list *list)
+ * out by one way and back by another.  Returns how many they are. */
+static size_t choose_candidates(struct object_tracker *t, const struct sight *sight,
+                                int64_t stamp_ns, struct object_list *list)
 {
     struct sidelobe_array array = {.margin_db = t->cfg.sidelobe_db};
     struct sidelobe_source seen[OBJECTS_MAX];
@@ -448,10 +483,13 @@ static size_t choose_candidates(const struct object_tracker *t, const struct sig
             sidelobe_source_at(list->objects[i].virtual_m, list->objects[i].level_db);
     for (size_t i = 0; i < list->n; i++) {
         struct object o = list->objects[i];
-        if (!is_behind_a_wall(sight, &o) ||
-            may_be_sidelobe(t, &array, &o, &seen[i], seen, list->n) ||
-            !find_wall(t, sight, &known, &o))
+        if (!is_behind_a_wall(sight, &o))
             continue;
+        bool lobe = may_be_sidelobe(t, &array, &o, &seen[i], seen, list->n);
+        if (lobe || !find_wall(t, sight, &known, &o)) {
+            note_seen(t, &known, &o, lobe, stamp_ns);
+            continue;
+        }
         memmove(list->objects + chosen + 1, list->objects + chosen,
                 (i - chosen) * sizeof o);
         list->objects[chosen++] = o;
@@ -460,23 +498,28 @@ static size_t choose_candidates(const struct object_tracker *t, const struct sig
 }
 
 /* As loud as its track where it is imaged by the wall that it was heard by; elsewhere as
- * its way there and back is longer or shorter. */
-static void add_sources(struct object_tracker *t, const struct several_ways *walls,
+ * its way there and back is longer or shorter; itself as it was seen. */
+static void add_sources(struct object_tracker *t, const struct several_ways *ways,
                         const struct track_report *k, const double at_m[3],
                         const struct track_mirror *own)
 {
+    static const struct track_mirror none = {.id = 0};
+    const struct memory *m = &t->memory[k->id];
     double images_m[IMAGES_MAX][3], own_m = 0.0;
-    size_t n =
-        several_ways_images(walls, at_m, own, images_m, IMAGES_MAX - t->n_sources);
+    size_t n = several_ways_images(ways, at_m, own, images_m, IMAGES_MAX - t->n_sources);
 
     if (k->unseen_s >= KNOWN_S && n > 1)
         n = 1;
     for (size_t i = 0; i < n; i++) {
         struct sidelobe_source *s = &t->sources[t->n_sources++];
-        *s = sidelobe_source_at(images_m[i], t->memory[k->id].level_db);
+        *s = sidelobe_source_at(images_m[i], m->level_db);
         own_m = i ? own_m : s->range_m;
         if (i)
             s->level_db -= 40.0 * log10(s->range_m / own_m);
+    }
+    if (was_seen(t, k->id) && t->n_sources < IMAGES_MAX) {
+        sight_virtual(ways->sight, &none, at_m, images_m[0]);
+        t->sources[t->n_sources++] = sidelobe_source_at(images_m[0], m->straight_db);
     }
 }
 
@@ -484,9 +527,9 @@ static void add_sources(struct object_tracker *t, const struct several_ways *wal
 static void place_tracks(struct object_tracker *t, const struct sight *sight,
                          const struct ego_step *ego, double dt_s)
 {
-    struct several_ways walls;
+    struct several_ways ways;
 
-    several_ways_init(&walls, sight, &t->detector.survey);
+    several_ways_init(&ways, sight, &t->detector.survey);
     t->n_sources = 0;
     for (size_t i = 0; i < t->n_reports; i++) {
         const struct track_report *k = &t->reports[i];
@@ -495,7 +538,7 @@ static void place_tracks(struct object_tracker *t, const struct sight *sight,
             at_m[a] = k->heard_m[a] + (a < 2 ? dt_s * k->velocity_m_s[a] : 0.0);
         const struct track_mirror own = track_mirror_after(ego, &k->mirror);
         ego_step_point(ego, at_m, t->places_m[i]);
-        add_sources(t, &walls, k, t->places_m[i], &own);
+        add_sources(t, &ways, k, t->places_m[i], &own);
     }
 }
 
@@ -573,7 +616,7 @@ static int follow(struct object_tracker *t, const struct volume *volume,
     if (is_blanked(volume))
         scan.shows = shows_nothing;
     else if (shows_hidden(t, volume, sight))
-        scan.n = choose_candidates(t, sight, list);
+        scan.n = choose_candidates(t, sight, capture_ns, list);
     for (size_t i = 0; i < scan.n; i++)
         take_detection(t, sight, volume, &scan.array, gliding_m_s, &list->objects[i],
                        &t->detections[i]);
@@ -602,13 +645,13 @@ static void learn_residue(struct object_tracker *t, const struct volume *volume,
 {
     double held_m[IMAGES_MAX][3], known_m[IMAGES_MAX][3];
     size_t n = 0, n_known = 0;
-    struct several_ways walls;
+    struct several_ways ways;
 
-    several_ways_init(&walls, sight, &t->detector.survey);
+    several_ways_init(&ways, sight, &t->detector.survey);
     for (size_t i = 0; i < t->n_reports; i++) {
         const struct track_report *k = &t->reports[i];
-        size_t more = several_ways_images(&walls, k->heard_m, &k->mirror,
-                                           known_m + n_known, IMAGES_MAX - n_known);
+        size_t more = several_ways_images(&ways, k->heard_m, &k->mirror,
+                                          known_m + n_known, IMAGES_MAX - n_known);
         if (has_travelled(t, k, !volume->standing_left)) {
             memcpy(held_m[n], known_m[n_known], more * sizeof *known_m);
             n += more;
@@ -630,10 +673,10 @@ static bool is_tracked(const struct object_tracker *t, const struct volume *volu
 
 static void remember(struct memory *m, const struct object *o)
 {
-    *m = (struct memory){.level_db = o->level_db,
-                         .shape = o->shape,
-                         .behind_no_wall = o->place.behind_no_wall,
-                         .in_free_view = o->place.in_free_view};
+    m->level_db = o->level_db;
+    m->shape = o->shape;
+    m->behind_no_wall = o->place.behind_no_wall;
+    m->in_free_view = o->place.in_free_view;
 }
 
 static struct object object_of(const struct memory *m, const struct sight *sight,

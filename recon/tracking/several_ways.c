@@ -8,12 +8,14 @@
 
 #define ABOUT_M   0.35 /* what is bright of a body is so near to its middle */
 #define SAME_M    1e-3
-#define GLINTS_DB 6.0 /* by more it does not get brighter from image to image */
+#define GLINTS_DB 6.0  /* by more it does not get brighter from image to image */
+#define FRONT_DB  12.0 /* nor than the side that a wall shows, where it is another */
 
 static const double array_m[3] = {0.0, 0.0, 0.0};
+static const struct track_mirror no_mirror = {.id = 0};
 
 void several_ways_init(struct several_ways *s, const struct sight *sight,
-                        const struct survey *survey)
+                       const struct survey *survey)
 {
     struct sidelobe_array array;
 
@@ -81,76 +83,122 @@ static double misfit_by(const struct several_ways *s, const struct several_ways_
                : INFINITY;
 }
 
-/* Out by way of one and back by way of another.  A speaker off the middle of the array is
- * nearer to the one image than to the other. */
+/* Out one way and back by way of a wall.  A speaker off the middle of the array is nearer
+ * to the one image than to the other; and the shorter these ways, the louder. */
 static double misfit_across(const struct several_ways *s,
-                            const struct several_ways_body *b, const double virtual_m[3])
+                            const struct several_ways_body *b, const double from_m[3],
+                            size_t back, const double virtual_m[3], double over_db)
 {
-    double best = INFINITY;
+    const double *to_m = b->virtual_m[back];
+    double back_m = range_of(to_m), out_m = range_of(from_m);
+    double known_m = range_of(b->virtual_m[b->wall]);
+    double nearer_db = 20.0 * log10(known_m * known_m / (back_m * out_m));
+    double smear_m = 0.5 * s->half_m * fabs(from_m[0] / out_m - to_m[0] / back_m);
+
+    return over_db <= fmax(nearer_db, 0.0)
+               ? misfit(virtual_m, to_m, 0.5 * (out_m + back_m), smear_m)
+               : INFINITY;
+}
+
+/* Out by way of one wall and back by way of another. */
+static double misfit_by_two(const struct several_ways *s,
+                            const struct several_ways_body *b, const double virtual_m[3],
+                            double level_db)
+{
+    double best = INFINITY, over_db = level_db - b->level_db - GLINTS_DB;
 
     for (size_t back = 0; back < s->n_walls; back++)
-        for (size_t out = 0; out < s->n_walls; out++) {
-            const double *to_m = b->virtual_m[back], *from_m = b->virtual_m[out];
-            double back_m = range_of(to_m), out_m = range_of(from_m);
-            double smear_m = 0.5 * s->half_m * fabs(from_m[0] / out_m - to_m[0] / back_m);
+        for (size_t out = 0; out < s->n_walls; out++)
             if (out != back && b->shown[back] && b->shown[out])
-                best =
-                    fmin(best, misfit(virtual_m, to_m, 0.5 * (out_m + back_m), smear_m));
-        }
+                best = fmin(best, misfit_across(s, b, b->virtual_m[out], back, virtual_m,
+                                                over_db));
     return best;
 }
 
+/* Straight there, as far as the array sees the body, and back by way of a wall. */
+static double misfit_straight(const struct several_ways *s,
+                              const struct several_ways_body *b, size_t back,
+                              const double virtual_m[3], double level_db)
+{
+    return b->shown[back] ? misfit_across(s, b, b->straight_m, back, virtual_m,
+                                          level_db - b->level_db - FRONT_DB)
+                          : INFINITY;
+}
+
 /* The least misfit of who is known with what is imaged somewhere: by the wall that he is
- * known by, by another one, and by none: across, or where the image ends. */
+ * known by, by another one, and by none: across, straight, or where the image ends. */
 struct fit {
-    double known, other, none;
+    double known, other, straight, none;
     uint32_t known_by, other_by;
 };
+
+static void fit_by(const struct several_ways *s, const struct several_ways_body *b,
+                   size_t w, const double virtual_m[3], double level_db, struct fit *f)
+{
+    bool beyond;
+    double off = misfit_by(s, b, w, virtual_m, &beyond);
+
+    f->straight = fmin(f->straight, misfit_straight(s, b, w, virtual_m, level_db));
+    if (beyond) {
+        f->none = s->n_walls > 1 ? fmin(f->none, off) : f->none;
+    } else if (w == b->wall && off < f->known) {
+        f->known = off;
+        f->known_by = s->mirrors[w].id;
+    } else if (w != b->wall && off < f->other) {
+        f->other = off;
+        f->other_by = s->mirrors[w].id;
+    }
+}
 
 static struct fit fit_all(const struct several_ways *s, const double virtual_m[3],
                           double level_db)
 {
-    struct fit f = {INFINITY, INFINITY, INFINITY, 0, 0};
+    struct fit f = {INFINITY, INFINITY, INFINITY, INFINITY, 0, 0};
 
     for (size_t i = 0; i < s->n; i++) {
         const struct several_ways_body *b = &s->bodies[i];
-        if (level_db <= b->level_db + GLINTS_DB)
-            f.none = fmin(f.none, misfit_across(s, b, virtual_m));
-        for (size_t w = 0; w < s->n_walls; w++) {
-            bool beyond;
-            double off = misfit_by(s, b, w, virtual_m, &beyond);
-            if (beyond) {
-                f.none = fmin(f.none, off);
-            } else if (w == b->wall && off < f.known) {
-                f.known = off;
-                f.known_by = s->mirrors[w].id;
-            } else if (w != b->wall && off < f.other) {
-                f.other = off;
-                f.other_by = s->mirrors[w].id;
-            }
-        }
+        f.none = fmin(f.none, misfit_by_two(s, b, virtual_m, level_db));
+        for (size_t w = 0; w < s->n_walls; w++)
+            fit_by(s, b, w, virtual_m, level_db, &f);
     }
     return f;
 }
 
 uint32_t several_ways_show(const struct several_ways *s, const double virtual_m[3],
-                            uint32_t wall, double level_db)
+                           uint32_t wall, double level_db)
 {
-    if (s->n_walls < 2)
-        return wall;
     const struct fit f = fit_all(s, virtual_m, level_db);
+
     if (f.known <= 1.0)
         return f.known_by;
-    if (f.none <= 1.0)
+    if (fmin(f.none, f.straight) <= 1.0)
         return SEVERAL_WAYS_NOBODY;
     return f.other <= 1.0 ? f.other_by : wall;
 }
 
+const struct several_ways_body *
+several_ways_see(const struct several_ways *s, const double virtual_m[3], double level_db)
+{
+    const struct several_ways_body *who = NULL;
+    double least = 1.0;
+
+    for (size_t i = 0; i < s->n; i++)
+        for (size_t w = 0; w < s->n_walls; w++) {
+            double off = misfit_straight(s, &s->bodies[i], w, virtual_m, level_db);
+            if (off <= least) {
+                least = off;
+                who = &s->bodies[i];
+            }
+        }
+    return who;
+}
+
 static struct several_ways_body body_at(const struct several_ways *s,
-                                         const double at_m[3], double level_db)
+                                        const double at_m[3], double level_db)
 {
     struct several_ways_body b = {.level_db = level_db};
 
+    sight_virtual(s->sight, &no_mirror, at_m, b.straight_m);
     for (size_t i = 0; i < s->n_walls; i++) {
         sight_virtual(s->sight, &s->mirrors[i], at_m, b.virtual_m[i]);
         b.shown[i] = is_shown(s, i, b.virtual_m[i]);
@@ -159,7 +207,7 @@ static struct several_ways_body body_at(const struct several_ways *s,
 }
 
 size_t several_ways_images(const struct several_ways *s, const double at_m[3],
-                            const struct track_mirror *own, double (*out)[3], size_t max)
+                           const struct track_mirror *own, double (*out)[3], size_t max)
 {
     const struct several_ways_body b = body_at(s, at_m, 0.0);
     size_t n = 0;
@@ -180,18 +228,18 @@ size_t several_ways_images(const struct several_ways *s, const double at_m[3],
     return n;
 }
 
-bool several_ways_know(struct several_ways *s, const double at_m[3], uint32_t wall,
-                        double level_db)
+struct several_ways_body *several_ways_know(struct several_ways *s, const double at_m[3],
+                                            uint32_t wall, double level_db)
 {
     struct several_ways_body b = body_at(s, at_m, level_db);
 
     while (b.wall < s->n_walls && s->mirrors[b.wall].id != wall)
         b.wall++;
     if (b.wall == s->n_walls)
-        return false;
+        return NULL;
     const struct fit f = fit_all(s, b.virtual_m[b.wall], level_db);
     if (f.none <= 1.0 && f.none < f.known)
-        return false;
-    s->bodies[s->n++] = b;
-    return true;
+        return NULL;
+    s->bodies[s->n] = b;
+    return &s->bodies[s->n++];
 }

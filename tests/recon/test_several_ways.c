@@ -45,7 +45,7 @@ static void begin(struct rig *r, size_t n_walls, double gate_m)
 static void begin_with(struct rig *r, const double at_m[3], uint32_t wall)
 {
     begin(r, 2, GATE_M);
-    assert_true(several_ways_know(&r->known, at_m, wall, DB));
+    assert_non_null(several_ways_know(&r->known, at_m, wall, DB));
 }
 
 static uint32_t shown(const struct rig *r, double x_m, double z_m, uint32_t wall)
@@ -74,7 +74,7 @@ static void one_wall_shows_everybody_once(void **state)
 
     (void)state;
     begin(&r, 1, GATE_M);
-    assert_true(several_ways_know(&r.known, far_from_aside_m, AHEAD, DB));
+    assert_non_null(several_ways_know(&r.known, far_from_aside_m, AHEAD, DB));
     assert_int_equal(shown(&r, -1.5, 3, AHEAD), AHEAD);
     assert_int_equal(shown(&r, across_ahead_m[0], across_ahead_m[2], AHEAD), AHEAD);
 }
@@ -153,10 +153,10 @@ static void an_echo_across_is_nobody_to_know(void **state)
 
     (void)state;
     begin_with(&r, far_from_aside_m, AHEAD);
-    assert_false(several_ways_know(&r.known, ghost_m, AHEAD, DB));
+    assert_null(several_ways_know(&r.known, ghost_m, AHEAD, DB));
     assert_int_equal(r.known.n, 1);
-    assert_true(several_ways_know(&r.known, another_m, AHEAD, DB));
-    assert_false(several_ways_know(&r.known, another_m, AHEAD + 1, DB)); /* no wall */
+    assert_non_null(several_ways_know(&r.known, another_m, AHEAD, DB));
+    assert_null(several_ways_know(&r.known, another_m, AHEAD + 1, DB)); /* no wall */
     assert_int_equal(r.known.n, 2);
 }
 
@@ -171,7 +171,7 @@ static void where_the_image_ends_nobody_is_whom_it_has_lost(void **state)
     nearer.gate_m[1] = 3.6;
     begin(&r, 2, 3.6);
     several_ways_init(&r.known, &r.sight, &nearer);
-    assert_true(several_ways_know(&r.known, far_from_aside_m, AHEAD, DB));
+    assert_non_null(several_ways_know(&r.known, far_from_aside_m, AHEAD, DB));
     assert_int_equal(shown(&r, end_m * 1.02, end_m * 4.36, ASIDE), NOBODY);
     assert_int_equal(shown(&r, -1.5, 3, AHEAD), AHEAD);
 }
@@ -184,12 +184,12 @@ static void a_wall_shows_what_is_in_its_gate(void **state)
     (void)state;
     begin(&r, 2, GATE_M);
     r.walls.list[1].gate_m[1] = 4.0;
-    assert_true(several_ways_know(&r.known, far_from_aside_m, AHEAD, DB));
+    assert_non_null(several_ways_know(&r.known, far_from_aside_m, AHEAD, DB));
     assert_int_equal(shown(&r, 1.02, 4.36, AHEAD), AHEAD);
     assert_int_equal(shown(&r, across_ahead_m[0], across_ahead_m[2], AHEAD), AHEAD);
     begin(&r, 2, GATE_M);
     r.walls.list[1].gate_m[0] = 4.6;
-    assert_true(several_ways_know(&r.known, far_from_aside_m, AHEAD, DB));
+    assert_non_null(several_ways_know(&r.known, far_from_aside_m, AHEAD, DB));
     assert_int_equal(shown(&r, across_ahead_m[0], across_ahead_m[2], AHEAD), AHEAD);
 }
 
@@ -242,6 +242,73 @@ static void what_a_wall_does_not_show_makes_no_echo_across(void **state)
     assert_int_equal(several_ways_images(&r.known, at_m, &own, images_m, 8), 1);
 }
 
+/* Who stands at (-1.5, 0, 1) is 1.803 m away: straight there and back by the wall ahead,
+ * 2.578 m toward his image. */
+static const double straight_ahead_m[3] = {-1.1531, 0, 2.3063};
+
+static void straight_there_and_back_by_a_wall_is_nobody(void **state)
+{
+    struct rig r;
+
+    (void)state;
+    begin(&r, 1, GATE_M);
+    assert_non_null(several_ways_know(&r.known, far_from_aside_m, AHEAD, DB));
+    assert_int_equal(shown(&r, straight_ahead_m[0], straight_ahead_m[2], AHEAD), NOBODY);
+    /* 0.35 m, and 0.5 m (1/2 |-1.5 / 1.803 + 1.5 / 3.354|) = 0.096 m by the speaker */
+    assert_int_equal(
+        shown(&r, 0.83 * straight_ahead_m[0], 0.83 * straight_ahead_m[2], AHEAD), NOBODY);
+    assert_int_equal(
+        shown(&r, 0.82 * straight_ahead_m[0], 0.82 * straight_ahead_m[2], AHEAD), AHEAD);
+}
+
+/* By 20 lg (3.354 / 1.803) = 5.4 dB for the shorter way, and by 12. */
+static void an_echo_that_goes_out_straight_is_louder(void **state)
+{
+    struct rig r;
+
+    (void)state;
+    begin(&r, 1, GATE_M);
+    assert_non_null(several_ways_know(&r.known, far_from_aside_m, AHEAD, DB));
+    assert_int_equal(several_ways_show(&r.known, straight_ahead_m, AHEAD, DB + 17.3),
+                     NOBODY);
+    assert_int_equal(several_ways_show(&r.known, straight_ahead_m, AHEAD, DB + 17.5),
+                     AHEAD);
+}
+
+static void who_is_known_stays_so_where_another_one_makes_an_echo(void **state)
+{
+    const double there_m[3] = {straight_ahead_m[0], 0, 4 - straight_ahead_m[2]};
+    struct rig r;
+
+    (void)state;
+    begin(&r, 1, GATE_M);
+    assert_non_null(several_ways_know(&r.known, far_from_aside_m, AHEAD, DB));
+    assert_non_null(several_ways_know(&r.known, there_m, AHEAD, DB));
+    assert_int_equal(shown(&r, straight_ahead_m[0], straight_ahead_m[2], AHEAD), AHEAD);
+}
+
+static void by_such_an_echo_he_is_seen(void **state)
+{
+    const double another_m[3] = {1.5, 0, 0.8};
+    struct rig r;
+
+    (void)state;
+    begin(&r, 1, GATE_M);
+    struct several_ways_body *his =
+        several_ways_know(&r.known, far_from_aside_m, AHEAD, DB);
+    assert_non_null(his);
+    his->track = 5;
+    assert_non_null(several_ways_know(&r.known, another_m, AHEAD, DB));
+    const struct several_ways_body *who =
+        several_ways_see(&r.known, straight_ahead_m, DB);
+    assert_non_null(who);
+    assert_int_equal(who->track, 5);
+    assert_null(several_ways_see(&r.known, across_ahead_m, DB));
+    begin(&r, 1, 3.0); /* less far than his image is */
+    assert_non_null(several_ways_know(&r.known, far_from_aside_m, AHEAD, DB));
+    assert_null(several_ways_see(&r.known, straight_ahead_m, DB));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -257,6 +324,10 @@ int main(void)
         cmocka_unit_test(a_wall_shows_what_is_in_its_gate),
         cmocka_unit_test(all_images_of_one_who_is_known),
         cmocka_unit_test(what_a_wall_does_not_show_makes_no_echo_across),
+        cmocka_unit_test(straight_there_and_back_by_a_wall_is_nobody),
+        cmocka_unit_test(an_echo_that_goes_out_straight_is_louder),
+        cmocka_unit_test(who_is_known_stays_so_where_another_one_makes_an_echo),
+        cmocka_unit_test(by_such_an_echo_he_is_seen),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
