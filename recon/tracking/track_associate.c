@@ -162,6 +162,29 @@ static void find_stronger(const struct tracker *t, const struct track_scan *scan
     }
 }
 
+static bool is_beside(const struct tracker *t, const struct track *k, size_t detection)
+{
+    const double *at_m = t->positions[detection].at_m, *its_m = k->filter.state;
+
+    return hypot(its_m[0] - at_m[0], its_m[1] - at_m[1]) < t->cfg.join_m;
+}
+
+/* What is heard beside a walker is he, rather than one who has only begun elsewhere and
+ * would have come there as fast as a vehicle. */
+static bool is_rather_a_walker(const struct tracker *t, const struct track *begun,
+                               size_t detection)
+{
+    if (begun->id || is_beside(t, begun, detection))
+        return false;
+    for (size_t i = 0; i < t->n; i++) {
+        const struct track *k = &t->tracks[i];
+        if (k->id && k->state == TRACK_MEASURED && track_outline_may_walk(k) &&
+            is_beside(t, k, detection))
+            return true;
+    }
+    return false;
+}
+
 /* Negative logarithms of how much likelier an assignment is than clutter and an object
  * that is not there: joint integrated association (Musicki and Evans 2004), of which the
  * best single hypothesis is taken. */
@@ -182,7 +205,8 @@ static void fill_costs(struct tracker *t, const struct track_scan *scan, double 
             bool mirrored = scan->detections[j].mirror != 0;
             bool near = m.distance2 < t->cfg.gate2 && !k->merged &&
                         stronger[j] == TRACK_NONE && mirrored == (k->mirror.id != 0) &&
-                        !track_rests_elsewhere(t, scan, i, j);
+                        !track_rests_elsewhere(t, scan, i, j) &&
+                        !is_rather_a_walker(t, k, j);
             cost[j] = near ? -log(fmax(seen * m.density / scan->clutter_m2, 1e-300))
                            : NEVER;
         }

@@ -412,6 +412,42 @@ static void who_walks_beside_it_is_told_too(void **state)
     assert_int_equal(r->n, 2);
 }
 
+/* Something is heard 0.7 m behind him for a moment, and 0.1 s later he by two of his
+ * parts: nobody came that far so fast. */
+static void of_what_is_heard_beside_a_walker_no_other_begins(void **state)
+{
+    struct rig *r = *state;
+
+    r->scan.fresh = 0.12;
+    for (int k = 0; k < 100; k++) {
+        double y = -2.0 + 1.2 * 1e-9 * (double)PING_NS * k;
+        see(r, 2.0, y, 0.03);
+        if (k >= 50 && k < 54)
+            see_proven(r, 2.2, y - 0.7, 0.9);
+        if (k > 58)
+            see_proven(r, 2.3, y, 0.9);
+        step_after(r, PING_NS);
+        if (k >= 50)
+            assert_int_equal(r->n, 1);
+    }
+}
+
+/* A cyclist overtakes him, 0.6 m beside. */
+static void who_is_fast_is_told_beside_a_walker(void **state)
+{
+    struct rig *r = *state;
+
+    for (int k = 0; k < 10; k++) {
+        double y = -2.0 + 1.0 * 0.25 * k;
+        see(r, 2.0, y, 0.03);
+        if (k >= 5)
+            see(r, 2.6, -1.75 + 4.2 * 0.25 * (k - 5), 0.03);
+        step(r);
+    }
+    assert_int_equal(r->n, 2);
+    assert_near(report_of(r, 2)->velocity_m_s[1], 4.2, 0.3);
+}
+
 /* Told as two, until they have gone as one for a while: the arm was taken for somebody.
  */
 static void two_who_go_as_one_become_one(void **state)
@@ -1478,6 +1514,8 @@ int main(void)
         TEST(what_stood_beside_its_way_becomes_no_double),
         TEST(who_walks_beside_it_is_told_too),
         TEST(two_that_merge_and_part_stay_two),
+        TEST(of_what_is_heard_beside_a_walker_no_other_begins),
+        TEST(who_is_fast_is_told_beside_a_walker),
         TEST(two_who_go_as_one_become_one),
         TEST(what_is_told_of_something_fast_is_its_middle),
         TEST(an_extended_object_is_one_track_in_its_middle),
