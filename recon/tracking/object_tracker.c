@@ -50,10 +50,10 @@ struct lost_walls {
     int64_t lost_ns[WALLS_MAX], used_ns[WALLS_MAX]; /* by what is imaged, last */
 };
 
-/* What the newest detection of a track told besides its place, and how loud it was when
- * the array saw it straight. */
+/* What the newest detection of a track told besides its place, and how loud and far it
+ * was when the array saw it straight. */
 struct memory {
-    double level_db, straight_db;
+    double level_db, straight_db, straight_m;
     int64_t seen_ns; /* 0: never */
     struct shape_guess shape;
     bool behind_no_wall, in_free_view;
@@ -455,13 +455,16 @@ static bool was_seen(const struct object_tracker *t, unsigned track)
 static void note_seen(struct object_tracker *t, const struct several_ways *known,
                       const struct object *o, bool lobe, int64_t stamp_ns)
 {
+    double straight_m;
     const struct several_ways_body *who =
-        several_ways_see(known, o->virtual_m, o->level_db);
+        several_ways_see(known, o->virtual_m, o->level_db, &straight_m);
 
     if (!who || !who->track || (lobe && !was_seen(t, who->track)))
         return;
-    t->memory[who->track].seen_ns = stamp_ns;
-    t->memory[who->track].straight_db = 2.0 * o->level_db - who->level_db;
+    struct memory *m = &t->memory[who->track];
+    m->seen_ns = stamp_ns;
+    m->straight_db = 2.0 * o->level_db - who->level_db;
+    m->straight_m = straight_m;
 }
 
 /* Brings to the front of the list, in the order they had, what is tracked: neither the
@@ -498,7 +501,8 @@ static size_t choose_candidates(struct object_tracker *t, const struct sight *si
 }
 
 /* As loud as its track where it is imaged by the wall that it was heard by; elsewhere as
- * its way there and back is longer or shorter; itself as it was seen. */
+ * its way there and back is longer or shorter; itself as it was seen, and while its place
+ * is predicted also where. */
 static void add_sources(struct object_tracker *t, const struct several_ways *ways,
                         const struct track_report *k, const double at_m[3],
                         const struct track_mirror *own)
@@ -519,7 +523,10 @@ static void add_sources(struct object_tracker *t, const struct several_ways *way
     }
     if (was_seen(t, k->id) && t->n_sources < IMAGES_MAX) {
         sight_virtual(ways->sight, &none, at_m, images_m[0]);
-        t->sources[t->n_sources++] = sidelobe_source_at(images_m[0], m->straight_db);
+        struct sidelobe_source *s = &t->sources[t->n_sources++];
+        *s = sidelobe_source_at(images_m[0], m->straight_db);
+        if (k->state != TRACK_MEASURED)
+            s->range_m = m->straight_m;
     }
 }
 

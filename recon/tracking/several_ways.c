@@ -176,8 +176,24 @@ uint32_t several_ways_show(const struct several_ways *s, const double virtual_m[
     return f.other <= 1.0 ? f.other_by : wall;
 }
 
-const struct several_ways_body *
-several_ways_see(const struct several_ways *s, const double virtual_m[3], double level_db)
+/* How far he is whose image and himself are as far as this on the mean, on an ellipse
+ * about the array and its own image: with n the wall's normal, d its distance and u the
+ * direction, his image r u is as far from both as 2 range = r + |r u - 2 d n|. */
+static double straight_by(struct wall w, const double virtual_m[3])
+{
+    double range_m = range_of(virtual_m), toward_m = 0.0;
+
+    wall_face(&w);
+    for (int a = 0; a < 3; a++)
+        toward_m += w.distance_m * w.normal[a] * virtual_m[a] / range_m;
+    double image_m = (range_m * range_m - w.distance_m * w.distance_m) /
+                     (range_m - toward_m);
+    return 2.0 * range_m - image_m;
+}
+
+const struct several_ways_body *several_ways_see(const struct several_ways *s,
+                                                 const double virtual_m[3],
+                                                 double level_db, double *straight_m)
 {
     const struct several_ways_body *who = NULL;
     double least = 1.0;
@@ -185,10 +201,11 @@ several_ways_see(const struct several_ways *s, const double virtual_m[3], double
     for (size_t i = 0; i < s->n; i++)
         for (size_t w = 0; w < s->n_walls; w++) {
             double off = misfit_straight(s, &s->bodies[i], w, virtual_m, level_db);
-            if (off <= least) {
-                least = off;
-                who = &s->bodies[i];
-            }
+            if (off > least)
+                continue;
+            least = off;
+            who = &s->bodies[i];
+            *straight_m = straight_by(s->sight->walls->list[w].plane, virtual_m);
         }
     return who;
 }

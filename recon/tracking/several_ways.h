@@ -61,10 +61,10 @@ struct several_ways_body *several_ways_know(struct several_ways *s, const double
 uint32_t several_ways_show(const struct several_ways *s, const double virtual_m[3],
                            uint32_t wall, double level_db);
 
-/* Whose echo that is, straight there and back by way of a wall; NULL: of nobody who is
- * known. */
+/* Whose echo that is, straight there and back by way of a wall, and how far he is by it;
+ * NULL: of nobody who is known. */
 const struct several_ways_body *several_ways_see(const struct several_ways *s,
                                                  const double virtual_m[3],
-                                                 double level_db);
+                                                 double level_db, double *straight_m);
 
 #endif

@@ -299,14 +299,16 @@ static void by_such_an_echo_he_is_seen(void **state)
     assert_non_null(his);
     his->track = 5;
     assert_non_null(several_ways_know(&r.known, another_m, AHEAD, DB));
+    double far_m = 0.0;
     const struct several_ways_body *who =
-        several_ways_see(&r.known, straight_ahead_m, DB);
+        several_ways_see(&r.known, straight_ahead_m, DB, &far_m);
     assert_non_null(who);
     assert_int_equal(who->track, 5);
-    assert_null(several_ways_see(&r.known, across_ahead_m, DB));
+    assert_near(far_m, 1.8028, 1e-3);
+    assert_null(several_ways_see(&r.known, across_ahead_m, DB, &far_m));
     begin(&r, 1, 3.0); /* less far than his image is */
     assert_non_null(several_ways_know(&r.known, far_from_aside_m, AHEAD, DB));
-    assert_null(several_ways_see(&r.known, straight_ahead_m, DB));
+    assert_null(several_ways_see(&r.known, straight_ahead_m, DB, &far_m));
 }
 
 int main(void)
