@@ -201,11 +201,11 @@ const struct several_ways_body *several_ways_see(const struct several_ways *s,
     for (size_t i = 0; i < s->n; i++)
         for (size_t w = 0; w < s->n_walls; w++) {
             double off = misfit_straight(s, &s->bodies[i], w, virtual_m, level_db);
-            if (off > least)
-                continue;
-            least = off;
-            who = &s->bodies[i];
-            *straight_m = straight_by(s->sight->walls->list[w].plane, virtual_m);
+            if (off <= least) {
+                least = off;
+                who = &s->bodies[i];
+                *straight_m = straight_by(s->sight->walls->list[w].plane, virtual_m);
+            }
         }
     return who;
 }

@@ -7,9 +7,10 @@
  * of both images in dB, brighter than the fainter one, and walk along.
  *
  * Who has come out to where the array sees him itself is heard straight there and back by
- * way of a wall, too, louder than by the wall alone: in the direction of his image,
- * nearer by half of what the wall makes longer.  (Back straight it comes from before the
- * wall, where nothing hidden is.)
+ * way of a wall, too: in the direction of his image, nearer by half of what the wall
+ * makes longer, and some dB fainter or louder, for the way is shorter and the array sees
+ * another side of him.  (Back straight it comes from before the wall, where nothing
+ * hidden is.)
  *
  * And where two walls meet, an image by way of the one is seen past its edge, as if the
  * other stood before it: by that other it would be of somebody elsewhere. */
@@ -47,9 +48,9 @@ void several_ways_init(struct several_ways *s, const struct sight *sight,
 size_t several_ways_images(const struct several_ways *s, const double at_m[3],
                            const struct track_mirror *own, double (*out)[3], size_t max);
 
-/* Who is known to be at a place of the vehicle frame, imaged by way of a wall: he, of no
- * track, or NULL, and not taken, where it is rather an echo by two walls of
- * one that is known already and as bright. */
+/* Who is known to be at a place of the vehicle frame, imaged by way of a wall: he, whose
+ * track the caller may say.  NULL, and not taken, where it is rather an echo by two walls
+ * of one that is known already and as bright. */
 struct several_ways_body *several_ways_know(struct several_ways *s, const double at_m[3],
                                             uint32_t wall, double level_db);
 
@@ -61,8 +62,9 @@ struct several_ways_body *several_ways_know(struct several_ways *s, const double
 uint32_t several_ways_show(const struct several_ways *s, const double virtual_m[3],
                            uint32_t wall, double level_db);
 
-/* Whose echo that is, straight there and back by way of a wall, and how far he is by it;
- * NULL: of nobody who is known. */
+/* Whose echo is imaged there, array frame, straight there and back by way of a wall, and
+ * how far he is from the array by it.  NULL: of nobody who is known, and straight_m stays
+ * as it was. */
 const struct several_ways_body *several_ways_see(const struct several_ways *s,
                                                  const double virtual_m[3],
                                                  double level_db, double *straight_m);

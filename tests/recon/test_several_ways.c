@@ -262,7 +262,7 @@ static void straight_there_and_back_by_a_wall_is_nobody(void **state)
 }
 
 /* By 20 lg (3.354 / 1.803) = 5.4 dB for the shorter way, and by 12. */
-static void an_echo_that_goes_out_straight_is_louder(void **state)
+static void an_echo_that_goes_out_straight_may_be_louder(void **state)
 {
     struct rig r;
 
@@ -327,7 +327,7 @@ int main(void)
         cmocka_unit_test(all_images_of_one_who_is_known),
         cmocka_unit_test(what_a_wall_does_not_show_makes_no_echo_across),
         cmocka_unit_test(straight_there_and_back_by_a_wall_is_nobody),
-        cmocka_unit_test(an_echo_that_goes_out_straight_is_louder),
+        cmocka_unit_test(an_echo_that_goes_out_straight_may_be_louder),
         cmocka_unit_test(who_is_known_stays_so_where_another_one_makes_an_echo),
         cmocka_unit_test(by_such_an_echo_he_is_seen),
     };
